@@ -1,0 +1,74 @@
+# Everything runs in .venv; nothing outside this folder is touched.
+#   make demo    install, train the first question in its quick profile, show table and figure
+#   make test    install with the test extras, run the whole suite
+#   make lint    ruff and mypy
+#   make bench   env steps per second, ours and the straightforward implementation's
+#   make clean   remove caches and builds      make distclean   remove .venv, too
+# A Python of your choice:  make demo PYTHON=/path/to/python3.12
+
+SHELL := /bin/sh
+PYTHON ?=
+VENV := .venv
+BIN := $(VENV)/bin
+PIP := $(BIN)/python -m pip --disable-pip-version-check
+SETUP := pyproject.toml constraints.txt
+
+.PHONY: demo test lint bench clean distclean
+.NOTPARALLEL:
+.DELETE_ON_ERROR:
+
+demo: $(VENV)/demo.stamp
+	$(BIN)/msgdrop ablate blockwise-vs-elementwise
+
+test: $(VENV)/test.stamp
+	$(BIN)/python -m pytest
+
+lint: $(VENV)/lint.stamp
+	$(BIN)/ruff format --check
+	$(BIN)/ruff check
+	$(BIN)/mypy
+
+bench: $(VENV)/demo.stamp
+	$(BIN)/python benchmarks/throughput.py
+
+clean:
+	rm -rf build dist .mypy_cache .pytest_cache .ruff_cache
+	find msgdrop_cli envs ablations benchmarks tests -name __pycache__ -prune -exec rm -rf {} +
+
+distclean: clean
+	rm -rf $(VENV)
+
+# One stamp a use, so that the demo installs no test tools. A changed pyproject or constraints
+# installs again; anything else does not.
+$(VENV)/demo.stamp: $(VENV)/torch.stamp $(SETUP)
+	$(PIP) install --quiet -c constraints.txt -e .
+	@touch $@
+
+$(VENV)/test.stamp: $(VENV)/torch.stamp $(SETUP)
+	$(PIP) install --quiet -c constraints.txt -e '.[test]'
+	@touch $@
+
+$(VENV)/lint.stamp: $(VENV)/torch.stamp $(SETUP)
+	$(PIP) install --quiet -c constraints.txt -e '.[test,lint]'
+	@touch $@
+
+# torch alone and first, pinned: if the resolver may look around for it, it fetches several builds
+# of many hundred megabytes. Not --quiet: the progress of a long download should be seen.
+$(VENV)/torch.stamp: $(VENV)/venv.stamp constraints.txt
+	$(PIP) install -c constraints.txt torch
+	@touch $@
+
+# A command may exist and still not run (a version manager's shim), so each candidate is tried.
+$(VENV)/venv.stamp:
+	@for python in $(or $(PYTHON),python3.11 python3.12 python3.13 python3); do \
+	    "$$python" -c 'import sys; sys.exit(not (3, 11) <= sys.version_info < (3, 14))' \
+	        2>/dev/null || continue; \
+	    "$$python" -c 'import ensurepip, venv' 2>/dev/null || { missing=$$python; continue; }; \
+	    echo "$$python -m venv $(VENV)"; \
+	    "$$python" -m venv $(VENV) && touch $@; exit; \
+	done; \
+	if [ -n "$$missing" ]; then \
+	    echo "make: $$missing has no venv module: install it (Debian, Ubuntu: python3-venv)"; \
+	else \
+	    echo "make: needs Python 3.11, 3.12 or 3.13: install one, or make PYTHON=/path/to/python"; \
+	fi >&2; exit 1
