@@ -1,0 +1,68 @@
+"""What every environment offers. Randomness comes in as uniform numbers, nothing draws for itself.
+
+Letters: `...` any leading batch dimensions (runs, parallel games), `N` agents, `O` observation.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Literal, NamedTuple, Protocol
+
+import torch
+from torch import Tensor
+
+
+class Transition(NamedTuple):
+    """What one step gives."""
+
+    obs: Tensor
+    """[..., N, O]: what each agent sees after the step, before any reset."""
+    reward: Tensor
+    """[..., N] float32: each agent its own."""
+    discount: Tensor
+    """[...] float32: 0 at a true end of the game, 1 otherwise; a time limit keeps 1."""
+    ended: Tensor
+    """[...] bool: the episode is over, by a true end or (added by `autoreset`) the time limit."""
+    info: Mapping[str, Tensor]
+    """Counts of what happened in the step, [...] float32 each; summed up by the metrics."""
+
+
+@dataclass(frozen=True, slots=True)
+class Metric:
+    """A ratio of two sums over steps or episodes: `scale * sum(count) / sum(per)`.
+
+    `per` is `steps` or `episodes`; `count` is a key of `Transition.info`, `return` (the reward
+    summed over agents), `steps`, or `finished` (episodes that ended by themselves).
+    """
+
+    count: str
+    per: str
+    scale: float
+    better: Literal["higher", "lower"]
+    meaning: str
+
+
+class Environment(Protocol):
+    """One game's rules for any number of games at once."""
+
+    agents: int
+    observation_size: int
+    observation_dtype: torch.dtype
+    actions: int
+    time_limit: int
+    reset_uniforms: int
+    """How many uniform numbers in [0, 1) one reset takes."""
+    step_uniforms: int
+    """How many uniform numbers in [0, 1) one step takes."""
+    metrics: Mapping[str, Metric]
+    """Name to formula; the first one is the headline of tables, figures and progress."""
+    counts: tuple[str, ...]
+    """The keys of `Transition.info`."""
+
+    def reset(self, uniforms: Tensor) -> Any:
+        """Start games; uniforms [..., reset_uniforms]; returns a State."""
+
+    def step(self, state: Any, actions: Tensor, uniforms: Tensor) -> tuple[Any, Transition]:
+        """Play one step; actions [..., N] int64, uniforms [..., step_uniforms]."""
+
+    def observe(self, state: Any) -> Tensor:
+        """What each agent sees, [..., N, O]."""

@@ -1,0 +1,317 @@
+"""Decentralised control with communication: FDC, simple DCC, DCC-MD and its ablations.
+
+One double deep Q-learner for all of them (paper, algorithm 1 and label eq:5): N independent
+networks, each on a minibatch of its own. What tells them apart are values of the Config:
+
+* FDC sees its own observation only (network "own"); simple DCC is rate 0 (l. 263);
+* DCC-MD drops whole messages with probability `rate` (dropout "message");
+* SD drops single elements of the messages (dropout "element", l. 520);
+* Full MD and Full SD drop the own observation too (`drops_own`, l. 545);
+* Concat feeds everything to one perceptron (network "concat", l. 552).
+
+Letters: `R` runs, `E` games, `N` agents, `G = R*N`, `B` batch, `S` senders, `O` observation.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import torch
+from torch import Tensor
+
+from msgdrop_cli.algorithms.protocol import Batch
+from msgdrop_cli.networks.fgh import FGH
+from msgdrop_cli.networks.inputs import masked_input
+from msgdrop_cli.networks.perceptron import Perceptron
+from msgdrop_cli.networks.stacked import Stacked, initialise, parameter_count
+from msgdrop_cli.ops.exploration import annealed_epsilon, epsilon_greedy
+from msgdrop_cli.ops.message_dropout import execution_scale, keep_mask
+from msgdrop_cli.ops.td import clip_gradient_norm, double_q_target, loss_gradient
+from msgdrop_envs.protocol import Environment
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Config:
+    """The learner's settings; the defaults are the paper's for pursuit N=6."""
+
+    rate: float = 0.2
+    """Probability of dropping a message (or an element) in training (paper l. 173)."""
+    dropout: Literal["message", "element"] = "message"
+    """What is dropped as one: a whole message (l. 173) or single elements (SD, l. 520)."""
+    drops_own: bool = False
+    """Drop the own observation as well (Full MD, Full SD, l. 545)."""
+    network: Literal["fgh", "concat", "own"] = "fgh"
+    """The architecture: h(f, g) (l. 496), one perceptron on everything, or on the own only."""
+    f_units: tuple[int, int] = (64, 48)
+    """Layers of f; also the first layers of FDC and Concat (l. 743, 749)."""
+    g_units: int = 96
+    """The layer of g (l. 744: 96; N=8: 128)."""
+    h_units: int = 32
+    """The hidden layer of h (l. 746)."""
+    gamma: float = 0.99
+    """Discount (l. 752, printed as lambda)."""
+    learning_rate: float = 1e-4
+    """Adam's step size (l. 752)."""
+    batch_size: int = 32
+    """Transitions an agent and update (ours: not in the paper)."""
+    loss: Literal["mse", "huber"] = "mse"
+    """Squared error as in label eq:5; Huber with delta 1 as in OpenAI baselines."""
+    max_gradient_norm: float = 0.0
+    """Clip each network's gradient to this norm; 0 does not clip (ours)."""
+    replay_capacity: int = 200_000
+    """Transitions in each agent's memory (l. 752)."""
+    replay_start_env_steps: int = 10_000
+    """Env steps before the first update (ours: not in the paper)."""
+    update_every_env_steps: int = 4
+    """Env steps between two updates (l. 752)."""
+    target_update_every_updates: int = 1_000
+    """Updates between two copies to the target network (ours: not in the paper)."""
+    epsilon_start: float = 1.0
+    """Exploration at the start (l. 752)."""
+    epsilon_final: float = 0.02
+    """Exploration in the end (l. 752)."""
+    epsilon_anneal_env_steps: int = 2_000_000
+    """Env steps from the start value to the final one (l. 752)."""
+
+    def __post_init__(self) -> None:
+        for name in ("rate", "gamma", "epsilon_start", "epsilon_final"):
+            if not 0.0 <= getattr(self, name) <= 1.0:
+                raise ValueError(f"{name} must be between 0 and 1, not {getattr(self, name)}")
+        for name in ("g_units", "h_units", "batch_size", "replay_capacity"):
+            if getattr(self, name) < 1:
+                raise ValueError(f"{name} must be at least 1, not {getattr(self, name)}")
+        for name in ("update_every_env_steps", "target_update_every_updates"):
+            if getattr(self, name) < 1:
+                raise ValueError(f"{name} must be at least 1, not {getattr(self, name)}")
+        for name in ("learning_rate", "max_gradient_norm", "replay_start_env_steps"):
+            if getattr(self, name) < 0:
+                raise ValueError(f"{name} must not be negative, not {getattr(self, name)}")
+        if min(self.f_units) < 1:
+            raise ValueError(f"f_units must be at least 1 each, not {list(self.f_units)}")
+
+
+NAMED: Mapping[str, Mapping[str, Any]] = {
+    "fdc": {"network": "own", "rate": 0.0},
+    "dcc": {"rate": 0.0},
+    "dcc-md": {},
+    "dcc-sd": {"dropout": "element"},
+    "full-md": {"drops_own": True},
+    "full-sd": {"dropout": "element", "drops_own": True},
+    "concat-dcc": {"network": "concat", "rate": 0.0},
+    "concat-md": {"network": "concat"},
+}
+"""The names that definitions and `--algorithm` use, and what each changes in the Config."""
+
+PAPER: Mapping[str, Mapping[str, Any]] = {
+    "pursuit-n6": {},
+    "pursuit-n8": {"g_units": 128},
+}
+"""What the supplement changes for each environment (l. 750)."""
+
+TRAINING: Mapping[str, Mapping[str, Any]] = {
+    "pursuit-n6": {"train_env_steps": 5_000_000},
+    "pursuit-n8": {"train_env_steps": 5_000_000},
+}
+"""How long the paper's runs are (ours: it only says that epsilon anneals over 2e6 steps)."""
+
+
+class DCC:
+    """The stacked double deep Q-learners of a cohort: R runs of N agents each."""
+
+    def __init__(
+        self, configs: Sequence[Config], env: Environment, device: torch.device | str = "cpu"
+    ) -> None:
+        self.config = config = configs[0]
+        self._runs, self._agents = len(configs), env.agents
+        self._actions = env.actions
+        networks = self._runs * self._agents
+        self.network = _network(config, env)
+        self.online = Stacked(self.network.layers, networks, device)
+        self.target = Stacked(self.network.layers, networks, device)
+        self.gradient = Stacked(self.network.layers, networks, device)
+        self.online.flat.grad = self.gradient.flat
+        self._adam = torch.optim.Adam([self.online.flat], lr=config.learning_rate, fused=True)
+        self._moments = self._start_adam(device)
+        self.updates = 0
+
+        senders, size = self.network.hears, config.batch_size
+        self.blocks = _blocks(self._agents, device)[:, : 1 + senders]
+        self.rate = torch.tensor([c.rate for c in configs], device=device)  # [R]
+        self._scale = execution_scale(self.rate, senders, drops_own=config.drops_own)
+        # For m and m': the binary mask over the first B rows, the scale of Q_exec over the rest.
+        unit = env.observation_size if config.dropout == "element" else 1
+        self._factor = torch.ones(
+            self._runs, self._agents, 2 * size, 1 + senders, unit, device=device
+        )
+        self._factor[:, :, size:] = self._scale[:, None, None]
+        self._dropped = self._factor[:, :, :size, 0 if config.drops_own else 1 :]  # a view
+        self.init_uniforms = self._agents * parameter_count(self.network.layers)
+        self.act_uniforms = 2
+        self.update_uniforms = self._dropped[0].numel()
+        self._sums = torch.zeros(2, self._runs, device=device)
+        self._summed = 0
+
+    def initialise(self, uniforms: Tensor) -> None:
+        """Initialise theta and theta-minus alike (algorithm 1); uniforms [R, init_uniforms]."""
+        initialise(self.online, uniforms)
+        self.target.flat.copy_(self.online.flat)
+
+    def epsilon(self, env_steps: int) -> float:
+        """The share of random actions after `env_steps` (l. 752)."""
+        c = self.config
+        return annealed_epsilon(
+            env_steps, c.epsilon_start, c.epsilon_final, c.epsilon_anneal_env_steps
+        )
+
+    def act(self, obs: Tensor, uniforms: Tensor, env_steps: int) -> Tensor:
+        """With probability epsilon a random action, otherwise the policy's (l. 201-203).
+
+        obs: [R, E, N, O]; uniforms: [R, E, N, 2]. Returns [R, E, N] int64.
+        """
+        return epsilon_greedy(self.q_exec(obs), uniforms, self.epsilon(env_steps))
+
+    def act_greedily(self, obs: Tensor, keep: Tensor | None = None) -> Tensor:
+        """The policy pi: argmax of Q_exec (label eq:policy). obs [R, E, N, O]; keep [R, E, N, S].
+
+        A message over a broken link (keep 0) is a zero vector (l. 567). Returns [R, E, N].
+        """
+        return self.q_exec(obs, keep).argmax(-1)
+
+    def q_exec(self, obs: Tensor, keep: Tensor | None = None) -> Tensor:
+        """Q_exec of the online networks: all messages, scaled by 1 - rate (l. 248): [R, E, N, A].
+
+        obs: [R, E, N, O]; keep: [R, E, N, S] or None if every link works.
+        """
+        runs, games = obs.shape[:2]
+        shown = obs[:, :, self.blocks].transpose(1, 2).flatten(0, 1)  # [G, E, 1+S, O]
+        factor = self._scale[:, None, None].repeat(1, self._agents, games, 1, 1)
+        if keep is not None:
+            factor[:, :, :, 1:, 0] *= keep[..., : self.network.hears].transpose(1, 2)
+        inputs = masked_input(shown.contiguous(), factor.flatten(0, 1))
+        q, _ = self.network.forward(self.online, inputs)  # [G, E, A]
+        return q.view(runs, self._agents, games, -1).transpose(1, 2)
+
+    def update(self, batch: Batch, uniforms: Tensor) -> None:
+        """Minimise the loss of DCC-MD once (label eq:5), every agent on its own minibatch.
+
+        uniforms: [R, update_uniforms], for the binary mask.
+        """
+        size = self.config.batch_size
+        factor = self._with_binary_mask(uniforms)  # [G, 2B, 1+S, 1 or O]
+        inputs = masked_input(batch.obs, factor)  # o, m~; and o', m' as Q_exec takes them
+        masked_after = masked_input(batch.obs[:, size:], factor[:, :size])  # o', m~': same mask
+
+        q, trace = self.network.forward(self.online, inputs)  # [G, 2B, A]
+        next_q, _ = self.network.forward(self.target, masked_after)
+        target = double_q_target(
+            batch.reward, self.config.gamma * batch.discount, next_q, q[:, size:]
+        )
+        action = batch.action[..., None]
+        error = q[:, :size].gather(-1, action).squeeze(-1) - target
+        loss, slope = loss_gradient(error, self.config.loss)
+        grad_q = torch.zeros_like(next_q).scatter_(-1, action, slope[..., None] / size)
+        self.network.backward(self.online, trace, grad_q, self.gradient)
+        self._step(loss, q)
+
+    def metrics(self, env_steps: int) -> list[dict[str, float | None]]:
+        """Each run's epsilon now, and the means of loss and Q since the last call (None: none)."""
+        means = (self._sums / max(self._summed, 1)).T.tolist()
+        epsilon = self.epsilon(env_steps)
+        rows: list[dict[str, float | None]] = [
+            {
+                "epsilon": epsilon,
+                "loss": loss if self._summed else None,
+                "q": q if self._summed else None,
+            }
+            for loss, q in means
+        ]
+        self._sums.zero_()
+        self._summed = 0
+        return rows
+
+    def tensors(self, run: int) -> dict[str, Tensor]:
+        """Online and target weights and Adam's moments of one run, as views."""
+        parts = {"online": self.online, "target": self.target, **self._moments}
+        first, last = run * self._agents, (run + 1) * self._agents
+        found = {
+            f"{part}.{name}": view
+            for part, stacked in parts.items()
+            for name, view in stacked.of_networks(first, last).items()
+        }
+        found["metric_sums"] = self._sums[:, run]
+        return found
+
+    def policy(self, run: int) -> dict[str, Tensor]:
+        """The online weights of one run, as views: [N, inputs, outputs] and [N, 1, outputs]."""
+        return self.online.of_networks(run * self._agents, (run + 1) * self._agents)
+
+    @property
+    def progress(self) -> tuple[int, int]:
+        """Counters that a checkpoint keeps: updates done, updates in the running means."""
+        return self.updates, self._summed
+
+    def resume_at(self, *counters: int) -> None:
+        """Set the counters of `progress` again."""
+        self.updates, self._summed = counters
+        self._adam.state[self.online.flat]["step"].fill_(self.updates)
+
+    def _with_binary_mask(self, uniforms: Tensor) -> Tensor:
+        """One mask a sample, for m~ and m~' alike (l. 233-241); the own block stays 1."""
+        mask = keep_mask(uniforms.view(len(uniforms), *self._dropped.shape[1:]), self.rate)
+        self._dropped.copy_(mask)
+        return self._factor.flatten(0, 1)
+
+    def _step(self, loss: Tensor, q: Tensor) -> None:
+        if self.config.max_gradient_norm > 0:
+            self._clip()
+        self._adam.step()
+        self.updates += 1
+        if self.updates % self.config.target_update_every_updates == 0:
+            self.target.flat.copy_(self.online.flat)
+        self._sums[0] += loss.view(self._runs, -1).mean(1)
+        self._sums[1] += q.view(self._runs, -1).mean(1)
+        self._summed += 1
+
+    def _clip(self) -> None:
+        views = self.gradient.of_networks(0, self.gradient.networks).values()
+        factors = clip_gradient_norm(
+            torch.cat([v.flatten(1) for v in views], 1), self.config.max_gradient_norm
+        )
+        for view in views:
+            view.mul_(factors[:, None, None])
+
+    def _start_adam(self, device: torch.device | str) -> dict[str, Stacked]:
+        """Give Adam moments that are Stacked too, so that a run's share can be taken out."""
+        moments = {
+            name: Stacked(self.network.layers, self.online.networks, device)
+            for name in ("exp_avg", "exp_avg_sq")
+        }
+        step = torch.zeros((), device=device)
+        state = {name: stacked.flat for name, stacked in moments.items()}
+        self._adam.state[self.online.flat] = {"step": step, **state}
+        return moments
+
+
+def _network(config: Config, env: Environment) -> FGH | Perceptron:
+    observation, senders = env.observation_size, env.agents - 1
+    units = (*config.f_units, config.h_units)
+    if config.network == "own":
+        return Perceptron(observation, 0, units, env.actions)
+    if config.network == "concat":
+        return Perceptron(observation * (1 + senders), senders, units, env.actions)
+    return FGH(
+        observation,
+        observation,
+        senders,
+        env.actions,
+        own_units=config.f_units,
+        message_units=config.g_units,
+        joint_units=config.h_units,
+    )
+
+
+def _blocks(agents: int, device: torch.device | str) -> Tensor:
+    """Row i: agent i, then all others in increasing order (the paper's m^i, l. 145): [N, N]."""
+    return torch.tensor(
+        [[i, *(j for j in range(agents) if j != i)] for i in range(agents)], device=device
+    )

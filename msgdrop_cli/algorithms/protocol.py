@@ -1,0 +1,68 @@
+"""What the engine asks of every learner, and what it hands over."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple, Protocol
+
+from torch import Tensor
+
+
+class Batch(NamedTuple):
+    """A minibatch for every network; G = R*N, the own observation first among the 1 + S blocks."""
+
+    obs: Tensor
+    """[G, 2*B, 1+S, O]: the B observations, then the B next observations, as stored."""
+    action: Tensor
+    """[G, B] int64."""
+    reward: Tensor
+    """[G, B] float32."""
+    discount: Tensor
+    """[G, B] float32: 0 at a true end, else 1."""
+
+
+class Learner(Protocol):
+    """The networks of R runs of N agents, and the rule that improves them."""
+
+    config: Any
+    blocks: Tensor
+    """[N, 1+S] int64: whom agent i is shown, itself first, then the senders in increasing order."""
+    init_uniforms: int
+    """Uniform numbers that the initial weights of one run take."""
+    act_uniforms: int
+    """Uniform numbers that one agent's action in one game takes."""
+    update_uniforms: int
+    """Uniform numbers that one update of one run takes."""
+
+    def initialise(self, uniforms: Tensor) -> None:
+        """Make new weights; uniforms [R, init_uniforms]."""
+
+    def act(self, obs: Tensor, uniforms: Tensor, env_steps: int) -> Tensor:
+        """Behave in training; obs [R, E, N, O], uniforms [R, E, N, act_uniforms]."""
+
+    def act_greedily(self, obs: Tensor, keep: Tensor | None = None) -> Tensor:
+        """Behave in execution; keep [R, E, N, S] says which messages arrive."""
+
+    def update(self, batch: Batch, uniforms: Tensor) -> None:
+        """Learn from one minibatch an agent; uniforms [R, update_uniforms]."""
+
+    def metrics(self, env_steps: int) -> list[dict[str, float | None]]:
+        """Each run's means since the last call; not a number where the run diverged."""
+
+    def tensors(self, run: int) -> Mapping[str, Tensor]:
+        """Views of everything a run's training goes on from, for checkpoints."""
+
+    def policy(self, run: int) -> Mapping[str, Tensor]:
+        """Views of what execution needs."""
+
+    @property
+    def progress(self) -> tuple[int, ...]:
+        """Counters that a checkpoint keeps."""
+
+    def resume_at(self, *counters: int) -> None:
+        """Set the counters of `progress` again."""
+
+
+class LearnerFactory(Protocol):
+    """A learner's class: built from the runs' Configs, which may differ in `rate` only."""
+
+    def __call__(self, configs: Sequence[Any], env: Any, device: Any) -> Learner:
+        """Build the learner for `env` (its agents, observation_size and actions)."""

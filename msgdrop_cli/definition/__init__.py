@@ -1,0 +1,1 @@
+"""What is asked: definitions, run specifications and their identity. No torch in this room."""

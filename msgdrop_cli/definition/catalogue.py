@@ -1,0 +1,54 @@
+"""What exists to choose from. The engine fills it, so that planning needs no torch."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from msgdrop_cli.errors import DefinitionError, nearest
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class NamedAlgorithm:
+    """A name that people use for a learner with some of its settings, e.g. `dcc-md`."""
+
+    learner: str
+    """The file in `algorithms`, e.g. `dcc`."""
+    config_class: type[Any]
+    """The learner's frozen Config."""
+    overrides: Mapping[str, Any]
+    """What the name means: fields of the Config."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Catalogue:
+    """Every environment and algorithm, with the paper's settings."""
+
+    environments: Mapping[str, Any]
+    """Name to frozen Config instance: the paper's setting."""
+    algorithms: Mapping[str, NamedAlgorithm]
+    paper_algorithm: Mapping[tuple[str, str], Mapping[str, Any]]
+    """(environment, learner) to the paper's fields of the learner's Config."""
+    paper_training: Mapping[tuple[str, str], Mapping[str, Any]]
+    """(environment, learner) to the paper's fields of TrainingSpec."""
+
+    def environment(self, name: str) -> Any:
+        """The Config of the paper's setting `name`; DefinitionError for an unknown one."""
+        if name not in self.environments:
+            known = nearest(name[:64], self.environments)
+            raise DefinitionError(f"no environment is called {name[:64]!r}; {known}")
+        return self.environments[name]
+
+    def algorithm(self, name: str) -> NamedAlgorithm:
+        """The algorithm that people call `name`; DefinitionError for an unknown one."""
+        if name not in self.algorithms:
+            known = nearest(name[:64], self.algorithms)
+            raise DefinitionError(f"no algorithm is called {name[:64]!r}; {known}")
+        return self.algorithms[name]
+
+    def config_class(self, learner: str) -> type[Any]:
+        """The Config of the learner's file `learner`; DefinitionError for an unknown one."""
+        classes = {named.learner: named.config_class for named in self.algorithms.values()}
+        if learner not in classes:
+            known = nearest(learner[:64], classes)
+            raise DefinitionError(f"no learner is called {learner[:64]!r}; {known}")
+        return classes[learner]

@@ -1,0 +1,198 @@
+"""Reads a definition from TOML: one that is shipped (by its name) or one of the user (by its path).
+
+Which environments and algorithms exist is not known here; `plan` checks them.
+"""
+
+import itertools
+import os
+import stat
+import tomllib
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from importlib import resources
+from importlib.resources.abc import Traversable
+from pathlib import Path
+from typing import Any, Literal
+
+from msgdrop_cli.definition.spec import (
+    NAME,
+    Claim,
+    Definition,
+    Profile,
+    Variant,
+    check_fractions,
+)
+from msgdrop_cli.definition.strict import Where, build
+from msgdrop_cli.errors import DefinitionError, nearest
+
+_LARGEST_FILE = 1_000_000
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _ClaimTable:
+    """One sentence of the paper; lists stand for every combination of their entries."""
+
+    says: str
+    source: str
+    better: str | tuple[str, ...]
+    worse: str | tuple[str, ...]
+    environment: str | tuple[str, ...]
+    metric: str
+    broken_links: float = 0.0
+    measure: Literal["evaluation", "learning"] = "evaluation"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _File:
+    title: str
+    question: str
+    source: str
+    environments: tuple[str, ...]
+    broken_links: tuple[float, ...] = (0.0,)
+    variants: Mapping[str, Variant]
+    profiles: Mapping[str, Profile]
+    claims: tuple[_ClaimTable, ...] = ()
+
+    def __post_init__(self) -> None:
+        check_fractions(self.broken_links)
+
+
+def load_definition(name_or_path: str) -> Definition:
+    """The definition that is shipped under this name, or that stands in this `.toml` file.
+
+    Raises DefinitionError: one line that names the file, the key and what was expected.
+    """
+    if name_or_path.endswith(".toml") or os.sep in name_or_path:
+        return _parsed(Path(name_or_path).stem, name_or_path, _read(Path(name_or_path)))
+    shipped = _shipped()
+    if name_or_path not in shipped:
+        hint = nearest(name_or_path[:64], shipped)
+        raise DefinitionError(f"no ablation is called {name_or_path[:64]!r}; {hint}")
+    file = shipped[name_or_path]
+    return _parsed(name_or_path, file.name, file.read_bytes())
+
+
+def list_definitions() -> list[str]:
+    """The names of the definitions that are shipped, in alphabetical order."""
+    return sorted(_shipped())
+
+
+def _shipped() -> dict[str, Traversable]:
+    try:
+        folder = resources.files("msgdrop_ablations")
+    except ModuleNotFoundError as error:
+        raise DefinitionError("msgdrop_ablations is not importable; install msgdrop") from error
+    files = (file for file in folder.iterdir() if file.name.endswith(".toml"))
+    return {file.name.removesuffix(".toml"): file for file in files}
+
+
+def _read(path: Path) -> bytes:
+    where = Where(str(path))
+    try:
+        facts = path.stat()
+        if not stat.S_ISREG(facts.st_mode):
+            raise where.error("expected a TOML file, this is none")
+        if facts.st_size > _LARGEST_FILE:
+            raise where.error(f"expected at most {_LARGEST_FILE} bytes, not {facts.st_size}")
+        return path.read_bytes()
+    except OSError as error:
+        raise where.error(f"cannot be read: {error.strerror}") from error
+    except ValueError as error:  # a NUL in the path
+        raise where.error(f"cannot be read: {error}") from error
+
+
+def _parsed(name: str, file: str, content: bytes) -> Definition:
+    where = Where(file)
+    _check_names([name], where)
+    try:
+        table: Any = tomllib.loads(content.decode())
+    except (ValueError, RecursionError) as error:
+        raise where.error(f"is not TOML: {error}") from error
+    read = build(_File, table, where)
+    _check(read, where)
+    claims = itertools.chain.from_iterable(
+        _claims(claim, read, where.at("claims").at(str(number)))
+        for number, claim in enumerate(read.claims, start=1)
+    )
+    return Definition(
+        name=name,
+        file=file,
+        title=read.title,
+        question=read.question,
+        source=read.source,
+        environments=read.environments,
+        broken_links=read.broken_links,
+        variants=read.variants,
+        profiles=read.profiles,
+        claims=tuple(claims),
+    )
+
+
+def _check(read: _File, where: Where) -> None:
+    """Refuse names that cannot name a folder and restrictions to what is not there."""
+    for key, names in (
+        ("environments", read.environments),
+        ("variants", tuple(read.variants)),
+        ("profiles", tuple(read.profiles)),
+    ):
+        if not names:
+            raise where.at(key).error("expected at least one")
+        _check_names(names, where.at(key))
+    for name, profile in read.profiles.items():
+        place = where.at("profiles").at(name)
+        _check_known(profile.environments, read.environments, place.at("environments"))
+        _check_known(profile.variants, read.variants, place.at("variants"))
+
+
+def _check_names(names: Iterable[str], where: Where) -> None:
+    seen = set[str]()
+    for name in names:
+        if not NAME.fullmatch(name):
+            rule = "1 to 64 letters, digits, dots, dashes and underscores"
+            raise where.at(name).error(f"a name is {rule}, beginning with a letter or digit")
+        if name in seen:
+            raise where.at(name).error("is listed twice")
+        seen.add(name)
+
+
+def _check_known(names: tuple[str, ...] | None, known: Iterable[str], where: Where) -> None:
+    if names is None:
+        return
+    if not names:
+        raise where.error("expected at least one")
+    for name in names:
+        if name not in known:
+            raise where.error(f"{name[:64]!r} is not in this file; {nearest(name[:64], known)}")
+    _check_names(names, where)
+
+
+def _claims(claim: _ClaimTable, read: _File, where: Where) -> Iterable[Claim]:
+    """Every ordering that one sentence of the paper contains."""
+    better, worse, environments = map(_listed, (claim.better, claim.worse, claim.environment))
+    _check_known(better, read.variants, where.at("better"))
+    _check_known(worse, read.variants, where.at("worse"))
+    _check_known(environments, read.environments, where.at("environment"))
+    _check_names([claim.metric], where.at("metric"))
+    if both := set(better) & set(worse):
+        raise where.error(f"{min(both)!r} cannot be better than itself")
+    evaluated = {*read.broken_links}.union(*(p.broken_links or () for p in read.profiles.values()))
+    if claim.broken_links not in evaluated:
+        known = ", ".join(map(str, sorted(evaluated)))
+        raise where.at("broken_links").error(f"no profile evaluates this; evaluated: {known}")
+    return [
+        Claim(
+            says=claim.says,
+            source=claim.source,
+            better=winner,
+            worse=loser,
+            environment=environment,
+            metric=claim.metric,
+            broken_links=claim.broken_links,
+            measure=claim.measure,
+        )
+        for environment, winner, loser in itertools.product(environments, better, worse)
+    ]
+
+
+def _listed(value: str | tuple[str, ...]) -> tuple[str, ...]:
+    return (value,) if isinstance(value, str) else value

@@ -1,0 +1,153 @@
+"""The values that say what is to be trained; made by `load` and `plan`, read by everybody."""
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,63}")
+"""Names of definitions, variants, profiles and environments: they become names of folders."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TrainingSpec:
+    """How long a run trains and how many games feed it. Cosmetic fields do not enter the run id."""
+
+    train_env_steps: int = 5_000_000
+    """Environment steps of the whole run, all parallel games counted (ours; paper-facts 6.1)."""
+    games: int = 8
+    """Parallel games that fill one replay memory; updates per env step stay the paper's (ours)."""
+    log_every_env_steps: int = 5_000
+    """Window of one row of `metrics.jsonl` (ours)."""
+    checkpoint_every_env_steps: int = field(default=100_000, metadata={"cosmetic": True})
+    """Env steps between two checkpoints; never changes a result (ours)."""
+
+    def __post_init__(self) -> None:
+        for name in (
+            "train_env_steps",
+            "games",
+            "log_every_env_steps",
+            "checkpoint_every_env_steps",
+        ):
+            if getattr(self, name) < 1:
+                raise ValueError(f"{name} must be at least 1, not {getattr(self, name)}")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RunSpec:
+    """One run, completely: the result depends on nothing else (test_independence)."""
+
+    environment: str
+    """Name of the paper's setting, e.g. `pursuit-n6`."""
+    environment_config: Any
+    """The environment's own frozen Config."""
+    algorithm: str
+    """Name of the learner's file in `algorithms`, e.g. `dcc`."""
+    algorithm_config: Any
+    """The learner's own frozen Config."""
+    training: TrainingSpec
+    seed: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PlannedRun:
+    """One variant with one seed, and the words people know it by (cosmetic, not in the id)."""
+
+    run_id: str
+    """First 8 hex digits of the SHA-256 of the resolved spec (`run_id.py`)."""
+    variant: str
+    label: str
+    definition: str
+    profile: str
+    spec: RunSpec
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Claim:
+    """One ordering that the paper states: `better` beats `worse` on `metric`."""
+
+    says: str
+    source: str
+    better: str
+    worse: str
+    environment: str
+    metric: str
+    broken_links: float = 0.0
+    """Fraction of links broken in the evaluation that is compared."""
+    measure: Literal["evaluation", "learning"] = "evaluation"
+    """`evaluation`: after training; `learning`: the mean of the whole training curve."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Variant:
+    """One arm of an ablation."""
+
+    label: str
+    """What tables and figures call it."""
+    algorithm: Mapping[str, Any]
+    """`name` of a named algorithm; every other key overrides a field of its Config."""
+    training: Mapping[str, Any] = field(default_factory=dict)
+    """Overrides of TrainingSpec."""
+    environment: Mapping[str, Any] = field(default_factory=dict)
+    """Overrides of the environment's Config."""
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.algorithm.get("name"), str):
+            raise ValueError('algorithm needs the name of an algorithm, e.g. { name = "dcc" }')
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Profile:
+    """One scale of an ablation: how much is trained and measured."""
+
+    seeds: int | tuple[int, ...]
+    """A count n means seeds 1 to n; a list means exactly these."""
+    evaluation_episodes: int = 1_000
+    """Episodes of each evaluation after training (paper l. 419: 1000)."""
+    environments: tuple[str, ...] | None = None
+    """Restriction to some of the definition's environments."""
+    variants: tuple[str, ...] | None = None
+    """Restriction to some of the definition's variants."""
+    broken_links: tuple[float, ...] | None = None
+    """Fractions of links broken in the evaluations, instead of the definition's."""
+    algorithm: Mapping[str, Any] = field(default_factory=dict)
+    """Overrides of every variant's algorithm Config."""
+    training: Mapping[str, Any] = field(default_factory=dict)
+    """Overrides of TrainingSpec."""
+    environment: Mapping[str, Any] = field(default_factory=dict)
+    """Overrides of the environment's Config."""
+
+    def __post_init__(self) -> None:
+        if self.evaluation_episodes < 1:
+            raise ValueError(
+                f"evaluation_episodes must be at least 1, not {self.evaluation_episodes}"
+            )
+        if self.broken_links is not None:
+            check_fractions(self.broken_links)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Definition:
+    """A question about message-dropout: what is compared, at which scales, and what is claimed."""
+
+    name: str
+    file: str
+    """Where it came from; the first words of every error about it."""
+    title: str
+    question: str
+    source: str
+    environments: tuple[str, ...]
+    broken_links: tuple[float, ...]
+    """Fractions of links broken in the evaluations after training."""
+    variants: Mapping[str, Variant]
+    profiles: Mapping[str, Profile]
+    claims: tuple[Claim, ...]
+
+
+def check_fractions(broken_links: Sequence[float]) -> None:
+    """Refuse (ValueError) fractions of broken links that are none, repeated or outside 0 to 1."""
+    if not broken_links or len(set(broken_links)) < len(broken_links):
+        raise ValueError("broken_links needs at least one fraction, each only once")
+    for fraction in broken_links:
+        if not 0.0 <= fraction <= 1.0:
+            raise ValueError(f"broken_links must lie between 0 and 1, not {fraction}")

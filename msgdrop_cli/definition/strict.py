@@ -1,0 +1,239 @@
+"""From tables to frozen dataclasses, with one clear line for whatever does not fit.
+
+The one cast is int to float: everything else of the wrong type is refused, never converted.
+"""
+
+import math
+import re
+import types
+from collections.abc import Mapping, Sequence
+from dataclasses import MISSING, Field, dataclass, fields, is_dataclass
+from typing import (
+    Any,
+    ClassVar,
+    Literal,
+    Protocol,
+    TypeVar,
+    Union,
+    get_args,
+    get_origin,
+    get_type_hints,
+)
+
+from msgdrop_cli.errors import DefinitionError, nearest
+
+_BARE_KEY = re.compile(r"[A-Za-z0-9_-]{1,64}")
+_LARGEST_INT = 2**63 - 1
+_NAMES: Mapping[Any, str] = types.MappingProxyType(
+    {bool: "true or false", int: "a whole number", float: "a finite number", str: "a line of text"}
+)
+
+
+class _Dataclass(Protocol):
+    __dataclass_fields__: ClassVar[dict[str, Field[Any]]]
+
+
+T = TypeVar("T", bound=_Dataclass)
+
+
+@dataclass(frozen=True, slots=True)
+class Where:
+    """A place in a file (or on the command line), as error messages show it."""
+
+    file: str
+    keys: tuple[str, ...] = ()
+
+    def at(self, key: str) -> "Where":
+        """The place of `key` inside this one."""
+        return Where(self.file, (*self.keys, key))
+
+    def error(self, problem: str) -> DefinitionError:
+        """The error of this place: exactly one line, whatever the file or the problem contains."""
+        return DefinitionError(one_line(f"{self}: {problem}"))
+
+    def __str__(self) -> str:
+        """`file.toml: variants."md-0.2".label`."""
+        path = ".".join(_key(key) for key in self.keys)
+        return f"{self.file}: {path}" if path else self.file
+
+
+def build(cls: type[T], table: Any, where: Where | str) -> T:
+    """The frozen dataclass `cls` made from `table`, with its own defaults for what is left out.
+
+    Raises DefinitionError: not a table, unknown key, wrong type, missing key, or a ValueError of
+    `__post_init__`; the message says where, what was expected, and the nearest known name.
+    """
+    place = Where(where) if isinstance(where, str) else where
+    return overlay(cls, [(place, table)])
+
+
+def overlay(cls: type[T], layers: Sequence[tuple[Where, Any]]) -> T:
+    """The dataclass `cls` made from tables laid over each other, the last one on top.
+
+    A combination that `__post_init__` refuses is blamed on the layer that spoiled it: a later
+    layer may still repair it. Raises DefinitionError, as `build` does.
+    """
+    values: dict[str, Any] = {}
+    failure: DefinitionError | None = None
+    made: T | None = None
+    for where, table in layers:
+        values |= parse(cls, table, where)
+        if missing := [name for name in _required(cls) if name not in values]:
+            made, failure = None, where.error(f"{missing[0]!r} is missing")
+            continue
+        try:
+            made, failure = cls(**values), None
+        except (ValueError, ArithmeticError) as error:
+            made, failure = None, failure or where.error(str(error))
+    if made is None:
+        raise failure or DefinitionError(f"nothing says how to make a {cls.__name__}")
+    return made
+
+
+def parse(cls: type[_Dataclass], table: Any, where: Where) -> dict[str, Any]:
+    """The entries of `table`, checked and converted to the types of the fields of `cls`.
+
+    Raises DefinitionError as `build` does, but asks for no completeness.
+    """
+    if not isinstance(table, Mapping):
+        raise where.error(f"expected a table, not {shown(table)}")
+    hints = get_type_hints(cls)
+    known = [field.name for field in fields(cls) if field.init]
+    values = {}
+    for key, value in table.items():
+        if key not in known:
+            raise where.at(str(key)).error(f"unknown key; {nearest(str(key)[:64], known)}")
+        values[key] = convert(value, hints[key], where.at(key))
+    return values
+
+
+def shallow(value: _Dataclass) -> dict[str, Any]:
+    """The fields of a dataclass as a table, one level deep."""
+    return {field.name: getattr(value, field.name) for field in fields(value) if field.init}
+
+
+def convert(value: Any, hint: Any, where: Where) -> Any:
+    """`value` as the type `hint`; DefinitionError where it is something else.
+
+    Knows bool, int, float, str, Any, Literal, Optional and other unions, tuples, string-keyed
+    mappings and dataclasses. Any other annotation is a mistake of ours: TypeError.
+    """
+    origin, arguments = get_origin(hint), get_args(hint)
+    if hint is Any:
+        return value
+    if hint in _NAMES:
+        return _scalar(value, hint, where)
+    if origin is Literal:
+        return _choice(value, arguments, where)
+    if origin in (Union, types.UnionType):
+        return _union(value, hint, where)
+    if origin is tuple:
+        return _tuple(value, hint, where)
+    if isinstance(origin, type) and issubclass(origin, Mapping):
+        if not isinstance(value, Mapping):
+            raise _wrong(value, hint, where)
+        return {key: convert(entry, arguments[1], where.at(key)) for key, entry in value.items()}
+    if isinstance(hint, type) and is_dataclass(hint):
+        return value if isinstance(value, hint) else build(hint, value, where)
+    raise TypeError(f"{where}: no reader for fields of type {hint}")
+
+
+def one_line(text: str) -> str:
+    """`text` without control characters and line breaks, fit for a terminal."""
+    return " ".join("".join(c if c.isprintable() else " " for c in text).split())
+
+
+def shown(value: Any) -> str:
+    """A value from a file in at most 50 printable characters, for an error message."""
+    if isinstance(value, Mapping):
+        return "a table"
+    if isinstance(value, list | tuple):
+        return "a list"
+    if value is None or isinstance(value, bool):
+        return {None: "nothing", True: "true", False: "false"}[value]
+    if isinstance(value, int) and abs(value) > _LARGEST_INT:
+        return "a number beyond 64 bits"
+    text = repr(value) if isinstance(value, str | float) else str(value)
+    return text if len(text) <= 50 else f"{text[:47]}..."
+
+
+def _scalar(value: Any, hint: Any, where: Where) -> Any:
+    if hint is float and type(value) is int and abs(value) <= _LARGEST_INT:
+        value = float(value)
+    if type(value) is not hint:
+        raise _wrong(value, hint, where)
+    if hint is int and abs(value) > _LARGEST_INT:
+        raise _wrong(value, hint, where)
+    if hint is float:
+        if not math.isfinite(value):
+            raise _wrong(value, hint, where)
+        return value + 0.0  # -0.0 becomes 0.0: one number, one run id
+    if hint is str:
+        value = " ".join(value.split())
+        if not value or not value.isprintable():
+            raise _wrong(value, hint, where)
+    return value
+
+
+def _choice(value: Any, choices: tuple[Any, ...], where: Where) -> Any:
+    if any(type(choice) is type(value) and choice == value for choice in choices):
+        return value
+    names = [str(choice) for choice in choices]
+    hint = f"; {nearest(value[:64], names)}" if isinstance(value, str) else ""
+    raise where.error(f"expected one of {', '.join(names)}, not {shown(value)}{hint}")
+
+
+def _union(value: Any, hint: Any, where: Where) -> Any:
+    members = [member for member in get_args(hint) if member is not type(None)]
+    if value is None and len(members) < len(get_args(hint)):
+        return None
+    if len(members) == 1:
+        return convert(value, members[0], where)
+    for member in members:
+        try:
+            return convert(value, member, where)
+        except DefinitionError:
+            continue
+    raise _wrong(value, hint, where)
+
+
+def _tuple(value: Any, hint: Any, where: Where) -> tuple[Any, ...]:
+    if not isinstance(value, list | tuple):
+        raise _wrong(value, hint, where)
+    items = get_args(hint)
+    if items[-1] is Ellipsis:
+        items = items[:1] * len(value)
+    if len(items) != len(value):
+        raise where.error(f"expected {len(items)} entries, not {len(value)}")
+    pairs = enumerate(zip(value, items, strict=True), start=1)
+    return tuple(convert(entry, item, where.at(str(number))) for number, (entry, item) in pairs)
+
+
+def _wrong(value: Any, hint: Any, where: Where) -> DefinitionError:
+    return where.error(f"expected {_described(hint)}, not {shown(value)}")
+
+
+def _described(hint: Any) -> str:
+    if hint in _NAMES:
+        return _NAMES[hint]
+    if get_origin(hint) in (Union, types.UnionType):
+        members = [member for member in get_args(hint) if member is not type(None)]
+        return " or ".join(_described(member) for member in members)
+    if get_origin(hint) is tuple:
+        return f"a list [{_described(get_args(hint)[0])}, ...]"
+    return "a table"
+
+
+def _required(cls: type[_Dataclass]) -> list[str]:
+    return [
+        field.name
+        for field in fields(cls)
+        if field.init and field.default is MISSING and field.default_factory is MISSING
+    ]
+
+
+def _key(text: str) -> str:
+    if _BARE_KEY.fullmatch(text):
+        return text
+    short = text if len(text) <= 64 else f"{text[:61]}..."
+    return f'"{short}"' if short.isprintable() else repr(short)

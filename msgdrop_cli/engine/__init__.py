@@ -1,0 +1,1 @@
+"""One shared training engine: randomness, replay, training, evaluation, checkpoints, runs."""

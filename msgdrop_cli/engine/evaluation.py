@@ -1,0 +1,114 @@
+"""Greedy episodes of a trained policy, apart from training, with links broken if asked.
+
+Every episode is played once by a game of its own and counted whole: nothing favours the short
+ones. Games, starts and broken links come from evaluation streams of the run's seed, so variants
+with the same seed meet the same episodes, and evaluating more cannot change training.
+"""
+
+from pathlib import Path
+from typing import Any
+
+import torch
+from torch import Tensor
+
+from msgdrop_cli.algorithms.protocol import Learner
+from msgdrop_cli.algorithms.registry import learner_class
+from msgdrop_cli.definition.run_id import spec_from_dict
+from msgdrop_cli.definition.spec import RunSpec
+from msgdrop_cli.engine.catalogue import catalogue
+from msgdrop_cli.engine.randomness import Streams
+from msgdrop_cli.engine.tensors import copy_into, read_tensors
+from msgdrop_cli.errors import DefinitionError, RecordError
+from msgdrop_cli.ops.links import broken_links as break_links
+from msgdrop_cli.ops.links import link_count
+from msgdrop_cli.records.files import append_jsonl, read_json
+from msgdrop_cli.records.store import list_runs
+from msgdrop_envs import autoreset, registry
+from msgdrop_envs.protocol import Environment
+
+POLICY = "policy.safetensors"
+EPISODES = "episodes.jsonl"
+
+
+def evaluate(
+    run_path: Path, *, broken_links: float, episodes: int, device: str = "cpu"
+) -> list[dict[str, Any]]:
+    """Play `episodes` greedy episodes with a fraction of the links broken (paper l. 567-571).
+
+    Returns a row an episode: broken_links, episode, steps, finished (it ended by itself), return
+    (summed over agents and steps), and the environment's counts. Which links break is drawn once
+    an episode. Raises RecordError if the policy cannot be read or does not fit.
+    """
+    spec = _spec_of(run_path)
+    env = registry.make(spec.environment_config, device)
+    learner = learner_class(spec.algorithm)([spec.algorithm_config], env, device)
+    file = run_path / POLICY
+    copy_into(learner.policy(0), read_tensors(file), file)
+    streams = Streams([spec.seed], device)
+    numbers = streams.uniforms("links", episodes, link_count(env.agents) + 1)
+    keep = break_links(numbers, broken_links, env.agents) if broken_links > 0 else None
+    with torch.no_grad():
+        table = _play(env, learner, streams, keep, episodes)
+    return [_row(env, broken_links, n, values) for n, values in enumerate(table.tolist())]
+
+
+def evaluate_run(run_path: Path, *, broken_links: float, episodes: int, device: str = "cpu") -> int:
+    """Evaluate and append the rows to the run's `episodes.jsonl`, all of them or none.
+
+    Does nothing if the run has that many already. Returns the number of episodes written.
+    """
+    record = list_runs(run_path)[0]
+    if len(record.episodes(broken_links)) >= episodes:
+        return 0
+    rows = evaluate(run_path, broken_links=broken_links, episodes=episodes, device=device)
+    append_jsonl(run_path / EPISODES, *rows[len(record.episodes(broken_links)) :])
+    return len(rows)
+
+
+def _spec_of(run_path: Path) -> RunSpec:
+    run = read_json(run_path / "run.json")
+    try:
+        return spec_from_dict(run["spec"], catalogue(), f"{run_path / 'run.json'}: spec")
+    except DefinitionError as error:
+        raise RecordError(str(error)) from error
+
+
+def _play(
+    env: Environment, learner: Learner, streams: Streams, keep: Tensor | None, episodes: int
+) -> Tensor:
+    """[episodes, 3 + counts]: steps, finished, return and the environment's counts of each."""
+    games = autoreset.start(
+        env,
+        streams.uniforms("evaluate", episodes, env.reset_uniforms),
+        torch.zeros(1, episodes, dtype=torch.long, device=streams.device),
+    )
+    table = torch.zeros(episodes, 3 + len(env.counts), device=streams.device)
+    playing = torch.arange(episodes, device=streams.device)
+    while len(playing):
+        actions = learner.act_greedily(games.obs, keep)
+        uniforms = streams.uniforms("evaluate", episodes, env.step_uniforms)[:, playing]
+        state, transition = env.step(games.state, actions, uniforms)
+        elapsed = games.elapsed + 1
+        ended = transition.ended | (elapsed >= env.time_limit)
+        counts = [transition.info[name][0] for name in env.counts]
+        finished = transition.ended[0].float()
+        won = [torch.ones_like(finished), finished, transition.reward[0].sum(-1)]
+        table[playing] += torch.stack([*won, *counts], -1)
+        games = autoreset.Games(state, elapsed, transition.obs)
+        if ended.any():
+            on = ~ended[0]
+            games, playing = autoreset.take(games, on), playing[on]
+            keep = None if keep is None else keep[:, on]
+    return table
+
+
+def _row(env: Environment, broken_links: float, episode: int, values: list[float]) -> dict[str, Any]:
+    steps, finished, total, *counts = values
+    return {
+        "broken_links": broken_links,
+        "episode": episode,
+        "steps": int(steps),
+        "finished": bool(finished),
+        "return": round(total, 4),
+        **{name: int(count) for name, count in zip(env.counts, counts, strict=True)},
+    }

@@ -1,0 +1,53 @@
+"""What a record says about how it was made, so that a number can be traced and made again."""
+
+import platform
+import subprocess
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+
+import msgdrop_cli
+from msgdrop_cli.networks.kernel import kernel_name
+from msgdrop_envs.protocol import Environment
+
+
+def facts(env: Environment, device: str, threads: int) -> dict[str, Any]:
+    """Versions, commit, host, device, threads, and the formulas of the environment's metrics."""
+    return {
+        "versions": {
+            "msgdrop": msgdrop_cli.__version__,
+            "python": platform.python_version(),
+            "torch": torch.__version__,
+            "numpy": np.__version__,
+        },
+        "commit": commit(),
+        "host": _host(),
+        "device": device,
+        "threads": threads,
+        "kernel": kernel_name(),
+        "metrics": {name: asdict(metric) for name, metric in env.metrics.items()},
+    }
+
+
+def commit() -> str | None:
+    """The commit of this source tree, `+` if files differ from it; None outside a checkout."""
+    tree = Path(__file__).parents[2]
+    if not (tree / ".git").exists():
+        return None
+    commands = (["git", "rev-parse", "HEAD"], ["git", "status", "--porcelain", "-uno"])
+    try:
+        head, changes = (
+            subprocess.run(c, cwd=tree, capture_output=True, text=True, check=True).stdout.strip()
+            for c in commands
+        )
+    except (OSError, subprocess.CalledProcessError):
+        return None
+    return head + ("+" if changes else "")
+
+
+def _host() -> str:
+    """The kind of processor: results are bit-equal on one kind only."""
+    return f"{platform.machine()} {torch.backends.cpu.get_cpu_capability()}"

@@ -1,0 +1,78 @@
+"""Named streams of random numbers, one of each kind for every run of a cohort.
+
+The generator is SplitMix64 (Steele, Lea, Flood: Fast Splittable Pseudorandom Number Generators,
+OOPSLA 2014). It is counter-based: number n of a stream is a function of (seed, stream, n) alone.
+So CPU and GPU see the same numbers, a cohort's runs stay independent, the state of a stream is
+one position, and reading one stream more often cannot change another.
+"""
+
+import hashlib
+from collections.abc import Sequence
+from typing import Literal
+
+import torch
+from torch import Tensor
+
+Name = Literal["init", "explore", "replay", "dropout", "env", "evaluate", "links"]
+BLOCK = 16_384
+"""Numbers made ahead at a time: enough that a draw costs a slice (benchmarks/NOTES.md)."""
+_WEYL, _MIX1, _MIX2 = 0x9E3779B97F4A7C15, 0xBF58476D1CE4E5B9, 0x94D049BB133111EB
+
+
+class Streams:
+    """The streams of R runs, read in lockstep. Positions count numbers, from 0."""
+
+    def __init__(self, seeds: Sequence[int], device: torch.device | str = "cpu") -> None:
+        self._seeds = tuple(seeds)
+        self.device = device
+        self.positions: dict[str, int] = {}
+        self._keys: dict[str, Tensor] = {}
+        self._blocks: dict[str, tuple[int, Tensor]] = {}
+
+    def uniforms(self, name: Name, *shape: int) -> Tensor:
+        """The next float32 numbers in [0, 1), multiples of 2^-24: [R, *shape]."""
+        return ((self._draw(name, shape) >> 8) * 2.0**-24).view(len(self._seeds), *shape)
+
+    def integers(self, name: Name, below: int, *shape: int) -> Tensor:
+        """The next integers, uniform on 0 to below - 1 (below < 2^31): [R, *shape] int64."""
+        return ((self._draw(name, shape) * below) >> 32).view(len(self._seeds), *shape)
+
+    def _draw(self, name: Name, shape: tuple[int, ...]) -> Tensor:
+        count = torch.Size(shape).numel()
+        position = self.positions.get(name, 0)
+        start, block = self._blocks.get(name, (0, None))
+        if block is None or position < start or position + count > start + block.shape[1]:
+            start = position - position % 2
+            block = self._bits(name, start // 2, max(count + 1, BLOCK) // 2 + 1)
+            self._blocks[name] = (start, block)
+        self.positions[name] = position + count
+        return block[:, position - start : position - start + count]
+
+    def _bits(self, name: Name, first_word: int, words: int) -> Tensor:
+        """32-bit numbers, two from each 64-bit word: [R, 2 * words] int64."""
+        if name not in self._keys:
+            keys = [[_signed(stream_key(seed, name))] for seed in self._seeds]
+            self._keys[name] = torch.tensor(keys, device=self.device)  # [R, 1]
+        steps = torch.arange(words, device=self.device) * _signed(_WEYL)
+        z = self._keys[name] + _signed((first_word + 1) * _WEYL) + steps  # [R, words]
+        z = (z ^ _shift_right(z, 30)) * _signed(_MIX1)
+        z = (z ^ _shift_right(z, 27)) * _signed(_MIX2)
+        z = z ^ _shift_right(z, 31)
+        return torch.stack((_shift_right(z, 32), z & 0xFFFFFFFF), -1).flatten(1)
+
+
+def stream_key(seed: int, name: str) -> int:
+    """Where stream `name` of `seed` begins: 64 bits of a SHA-256, so that streams lie far apart."""
+    digest = hashlib.sha256(f"msgdrop/{seed}/{name}".encode()).digest()
+    return int.from_bytes(digest[:8], "big")
+
+
+def _shift_right(z: Tensor, bits: int) -> Tensor:
+    """A logical shift: torch's own shift of int64 copies the sign."""
+    return (z >> bits) & ((1 << (64 - bits)) - 1)
+
+
+def _signed(word: int) -> int:
+    """The int64 with the same 64 bits."""
+    word %= 2**64
+    return word - 2**64 if word >= 2**63 else word

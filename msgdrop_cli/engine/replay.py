@@ -1,0 +1,144 @@
+"""The replay memories of a cohort (paper l. 214-216): every joint observation stored once.
+
+Agent i's memory D^i holds (o, m, a, r, o', m'); all of them share one ring of *joint*
+observations, from which o and m are put together when sampled. Each agent draws its own
+minibatch, which is the same as N separate memories. The next observation is not stored again: a
+transition knows the row where it stands, as a rule the game's next one. Where the time limit cut
+the episode, the last observation stands in an extra row (at most one for every `time_limit`
+steps); at a true end the discount is 0 and any row will do.
+"""
+
+from collections.abc import Mapping
+
+import torch
+from torch import Tensor
+
+from msgdrop_cli.algorithms.protocol import Batch
+from msgdrop_envs.protocol import Transition
+
+
+class Replay:
+    """R*E*N rings in a few flat tensors; slot t of a game is overwritten `slots` steps later."""
+
+    def __init__(
+        self,
+        *,
+        runs: int,
+        games: int,
+        agents: int,
+        observation: int,
+        dtype: torch.dtype,
+        capacity: int,
+        time_limit: int,
+        device: torch.device | str = "cpu",
+    ) -> None:
+        self.games, self.agents, self.time_limit = games, agents, time_limit
+        self.slots = max(capacity // games, 1) + 1  # one for the observation still to act on
+        self._ends = self.slots // time_limit + 2  # rows of cut episodes, for each game
+        rows = self.slots * games
+        self.added = 0
+        """Steps stored so far by each game."""
+        # The last rows: the ends of cut episodes, then one for what nobody needs.
+        self.obs = torch.zeros(
+            runs, rows + self._ends * games + 1, agents, observation, dtype=dtype, device=device
+        )
+        self.action = torch.zeros(runs, rows, agents, dtype=torch.uint8, device=device)
+        self.reward = torch.zeros(runs, rows, agents, device=device)
+        self.discount = torch.zeros(runs, rows, device=device)
+        self.next_row = torch.zeros(runs, rows, dtype=torch.int32, device=device)
+        self._first_obs_row = torch.arange(runs, device=device)[:, None] * self.obs.shape[1]
+        self._first_row = torch.arange(runs, device=device)[:, None] * rows
+        self._game = torch.arange(games, device=device)
+
+    def __len__(self) -> int:
+        """Transitions of one run that can be sampled."""
+        return min(self.added, self.slots - 1) * self.games
+
+    def begin(self, obs: Tensor) -> None:
+        """Store what the agents see before their first action: [R, E, N, O]."""
+        self.obs[:, : self.games] = obs
+
+    def add(self, actions: Tensor, transition: Transition, next_obs: Tensor) -> None:
+        """Store one step of every game.
+
+        actions [R, E, N]; transition [R, E, ...]; next_obs [R, E, N, O] after any restart.
+        """
+        here = self._rows(self.added)
+        there = self._rows(self.added + 1)
+        cut = transition.ended & (transition.discount > 0)  # [R, E]
+        end = self._end_rows(self.added)
+        self.action[:, here] = actions.to(torch.uint8)
+        self.reward[:, here] = transition.reward
+        self.discount[:, here] = transition.discount
+        self.obs[:, there] = next_obs
+        self.next_row[:, here] = torch.where(cut, end, self._game + there.start).int()
+        spare = self.obs.shape[1] - 1
+        target = torch.where(cut, end, spare) + self._first_obs_row  # [R, E]
+        if target.device.type != "cpu" or cut.any():  # a shortcut, never another result
+            self.obs.flatten(0, 1)[target.flatten()] = transition.obs.flatten(0, 1)
+        self.added += 1
+
+    def rows(self, drawn: Tensor) -> Tensor:
+        """The rows of the drawn transitions; drawn: integers below len(self), 0 the oldest."""
+        oldest = max(self.added - self.slots + 1, 0)
+        return (drawn + oldest * self.games) % (self.slots * self.games)
+
+    def gather(self, rows: Tensor, blocks: Tensor) -> Batch:
+        """Put minibatches together. rows: [R, N, B]; blocks: [N, 1+S], whom agent i is shown."""
+        runs, agents, batch = rows.shape
+        networks = runs * agents
+        taken = rows + self._first_row[..., None]  # [R, N, B], rows of the flat memories
+        now_and_next = torch.cat((rows, self.next_row.view(-1)[taken]), -1)
+        seen = (now_and_next + self._first_obs_row[..., None])[..., None] * agents
+        seen = seen + blocks[:, None]  # [R, N, 2B, 1+S]
+        obs = self.obs.view(-1, self.obs.shape[-1]).index_select(0, seen.flatten())
+        own = taken * agents + blocks[:, :1]  # [R, N, B]
+        return Batch(
+            obs=obs.view(networks, 2 * batch, blocks.shape[1], -1),
+            action=self.action.view(-1)[own].view(networks, batch).long(),
+            reward=self.reward.view(-1)[own].view(networks, batch),
+            discount=self.discount.view(-1)[taken].view(networks, batch),
+        )
+
+    def stretch(self, run: int, first: int, last: int) -> dict[str, Tensor]:
+        """The steps `first` to `last - 1` of one run, for a checkpoint: [steps, E, ...] each."""
+        slots = self._slots(first, last)
+        return {name: ring[slots] for name, ring in self._rings(run).items()}
+
+    def restore_stretch(self, run: int, first: int, tensors: Mapping[str, Tensor]) -> None:
+        """Put a stretch back; older stretches first, since newer ones may overwrite them."""
+        slots = self._slots(first, first + len(tensors["obs"]))
+        for name, ring in self._rings(run).items():
+            ring[slots] = tensors[name].to(ring.device)
+
+    def put(self, run: int, obs: Tensor) -> None:
+        """Store what the agents of one run see now, before they act: [E, N, O]."""
+        self.obs[run, self._rows(self.added)] = obs
+
+    def cut_episodes(self, run: int) -> Tensor:
+        """The last observations of cut episodes of one run, a view: [rows, N, O]."""
+        return self.obs[run, self.slots * self.games : -1]
+
+    def _rings(self, run: int) -> dict[str, Tensor]:
+        """Views of one run's memories by slot: [slots, E, ...]."""
+        rows = self.slots * self.games
+        rings = {
+            "obs": self.obs[run, :rows],
+            "action": self.action[run],
+            "reward": self.reward[run],
+            "discount": self.discount[run],
+            "next_row": self.next_row[run],
+        }
+        return {name: ring.unflatten(0, (self.slots, self.games)) for name, ring in rings.items()}
+
+    def _slots(self, first: int, last: int) -> Tensor:
+        return torch.arange(first, last, device=self.obs.device) % self.slots
+
+    def _rows(self, step: int) -> slice:
+        first = (step % self.slots) * self.games
+        return slice(first, first + self.games)
+
+    def _end_rows(self, step: int) -> Tensor:
+        """Where a game's cut episode keeps its last observation; two are `time_limit` apart."""
+        window = (step // self.time_limit) % self._ends
+        return self._game * self._ends + window + self.slots * self.games

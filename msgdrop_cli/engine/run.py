@@ -1,0 +1,245 @@
+"""Runs from beginning to end: fresh or resumed, logged, checkpointed, and finished exactly once.
+
+What a run gives depends on its spec and seed only: not on the cohort it is stacked in, on a crash
+and resume, or on whether somebody watches (tests/test_independence.py).
+"""
+
+import math
+import time
+from collections.abc import Callable, Iterable, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass
+from itertools import groupby
+from pathlib import Path
+from typing import Any
+
+import torch
+
+from msgdrop_cli.definition.spec import PlannedRun
+from msgdrop_cli.engine.checkpoint import Checkpoint, Checkpoints, restore
+from msgdrop_cli.engine.evaluation import POLICY
+from msgdrop_cli.engine.facts import facts
+from msgdrop_cli.engine.tensors import write_tensors
+from msgdrop_cli.engine.training import Training
+from msgdrop_cli.errors import RecordError, RunError
+from msgdrop_cli.networks.kernel import kernel_name
+from msgdrop_cli.records.files import append_jsonl, cut_jsonl, run_lock, write_json_atomic
+from msgdrop_cli.records.store import Status, create_run, find_run, run_path, set_status
+
+THREADS = 1
+"""Threads of a training process; another number changes the last bits of a result."""
+_LOOK_UP_EVERY_S = 0.5
+
+
+@dataclass(frozen=True, slots=True)
+class RunOutcome:
+    """How a planned run ended."""
+
+    run_id: str
+    path: Path
+    status: Status
+    reason: str | None
+    env_steps: int
+    wall_time_s: float
+
+
+@dataclass(slots=True)
+class _Run:
+    """One run in training."""
+
+    planned: PlannedRun
+    path: Path
+    checkpoint: Checkpoint | None
+    wall_time_s: float
+    rows: int = 0
+    """Rows in metrics.jsonl."""
+    diverged: str | None = None
+
+    @property
+    def env_steps(self) -> int:
+        return self.checkpoint.env_steps if self.checkpoint else 0
+
+
+def train_cohort(
+    runs: Sequence[PlannedRun],
+    root: Path,
+    *,
+    device: str = "cpu",
+    stop: Callable[[], bool] = lambda: False,
+) -> list[RunOutcome]:
+    """Train runs that share every shape, stacked; finished ones are left as they are.
+
+    `stop` is asked about twice a second; if it says so, checkpoints are written and the outcomes
+    are `interrupted`. Any other fault makes the runs `failed`, with the reason.
+    Raises RecordError if another process trains one of them (75).
+    """
+    torch.set_num_threads(THREADS)
+    outcomes = []
+    with ExitStack() as locks:
+        pending = []
+        for planned in runs:
+            found = find_run(root, planned.run_id)
+            if found is not None and found.status == "done":
+                outcomes.append(_outcome(planned, found.path, "done", None))
+                continue
+            path = found.path if found is not None else run_path(root, planned)
+            locks.enter_context(run_lock(path))
+            pending.append(_open(planned, path))
+        pending.sort(key=lambda run: run.env_steps)
+        for _, group in groupby(pending, key=lambda run: run.env_steps):
+            outcomes += _train_group(list(group), device, stop)
+    return outcomes
+
+
+def _open(planned: PlannedRun, path: Path) -> _Run:
+    record = find_run(path, planned.run_id)
+    if record is None:
+        record = create_run(path, planned, {})
+    return _Run(planned, path, Checkpoints(path).latest(), float(record.run["wall_time_s"]))
+
+
+def _train_group(runs: list[_Run], device: str, stop: Callable[[], bool]) -> list[RunOutcome]:
+    try:
+        return _Session(runs, device).train(stop)
+    except Exception as error:  # whatever it was, it is written down, and the other cohorts go on
+        reason = f"{type(error).__name__}: {error}"
+        for run in runs:
+            set_status(run.path, "failed", reason)
+        return [_outcome(run.planned, run.path, "failed", reason) for run in runs]
+
+
+class _Session:
+    """A cohort between its start (or resume) and its end (or stop)."""
+
+    def __init__(self, runs: list[_Run], device: str) -> None:
+        self.runs = runs
+        self.plan = runs[0].planned.spec.training
+        self.training = Training([run.planned.spec for run in runs], device)
+        self.training.begin()
+        self.logged_at = 0
+        for number, run in enumerate(runs):
+            if run.checkpoint is not None:
+                _check_kernel(run.checkpoint)
+                restore(self.training, number, run.checkpoint)
+                run.rows = int(run.checkpoint.counters["rows"])
+                self.logged_at = int(run.checkpoint.counters["logged_at"])
+            cut_jsonl(run.path / "metrics.jsonl", run.rows)
+            run.checkpoint = None  # its replay memory has been copied
+            set_status(run.path, "running", **facts(self.training.env, device, THREADS))
+        self.clock = time.monotonic()
+        self.steps_at_start = self.training.env_steps
+        self.headline: list[float | None] = [None] * len(runs)
+
+    def train(self, stop: Callable[[], bool]) -> list[RunOutcome]:
+        """Train until the end, or until `stop` says so."""
+        training, plan = self.training, self.plan
+        looked_up = self.clock
+        with torch.no_grad():
+            while training.env_steps < plan.train_env_steps:
+                before = training.env_steps
+                training.advance()
+                if self._passes(before, plan.log_every_env_steps):
+                    self._log()
+                if all(run.diverged for run in self.runs):
+                    break
+                if self._passes(before, plan.checkpoint_every_env_steps):
+                    self._checkpoint()
+                if time.monotonic() - looked_up >= _LOOK_UP_EVERY_S:
+                    looked_up = time.monotonic()
+                    self._show_progress()
+                    if stop():
+                        self._checkpoint()
+                        return self._close("interrupted")
+        return self._finish()
+
+    def _passes(self, before: int, every: int) -> bool:
+        return before // every != self.training.env_steps // every
+
+    def _log(self) -> None:
+        """One row of metrics.jsonl for each run: the window since the last row."""
+        training = self.training
+        metrics = training.window(training.env_steps - self.logged_at)
+        learned = training.learner.metrics(training.env_steps)
+        self.logged_at = training.env_steps
+        for number, run in enumerate(self.runs):
+            if run.diverged:
+                continue
+            row = {**learned[number], **metrics[number]}
+            if odd := [k for k, v in row.items() if v is not None and not math.isfinite(v)]:
+                run.diverged = f"{odd[0]} is not finite at {training.env_steps} env steps"
+                continue
+            head = {"env_steps": training.env_steps}
+            tail = {"wall_time_s": round(self._wall_time(run), 3)}
+            append_jsonl(run.path / "metrics.jsonl", {**head, **row, **tail})
+            run.rows += 1
+            self.headline[number] = metrics[number][next(iter(training.env.metrics))]
+
+    def _checkpoint(self) -> None:
+        for number, run in self._sound():
+            counters = {"rows": run.rows, "logged_at": self.logged_at, "kernel": kernel_name()}
+            Checkpoints(run.path).save(self.training, number, counters)
+            set_status(run.path, "running", **self._progress_facts(run))
+
+    def _finish(self) -> list[RunOutcome]:
+        if self.logged_at < self.training.env_steps:
+            self._log()
+        for number, run in self._sound():
+            write_tensors(run.path / POLICY, self.training.learner.policy(number))
+        outcomes = self._close("done")
+        for _, run in self._sound():
+            Checkpoints(run.path).remove()
+        return outcomes
+
+    def _close(self, status: Status) -> list[RunOutcome]:
+        outcomes = []
+        for run in self.runs:
+            word: Status = "diverged" if run.diverged else status
+            set_status(run.path, word, run.diverged, **self._progress_facts(run))
+            outcomes.append(_outcome(run.planned, run.path, word, run.diverged))
+            (run.path / "progress.json").unlink(missing_ok=True)
+        return outcomes
+
+    def _sound(self) -> Iterable[tuple[int, _Run]]:
+        return ((number, run) for number, run in enumerate(self.runs) if not run.diverged)
+
+    def _wall_time(self, run: _Run) -> float:
+        return run.wall_time_s + time.monotonic() - self.clock
+
+    def _progress_facts(self, run: _Run) -> dict[str, Any]:
+        wall_time_s = round(self._wall_time(run), 3)
+        return {"env_steps": self.training.env_steps, "wall_time_s": wall_time_s}
+
+    def _show_progress(self) -> None:
+        """For people only: nothing is decided by what stands here."""
+        training, total = self.training, self.plan.train_env_steps
+        spent = max(time.monotonic() - self.clock, 1e-9)
+        speed = (training.env_steps - self.steps_at_start) / spent
+        for number, run in self._sound():
+            progress = {
+                "phase": "training",
+                "env_steps": training.env_steps,
+                "train_env_steps": total,
+                "env_steps_per_s": round(speed, 1),
+                "eta_s": round((total - training.env_steps) / max(speed, 1e-9)),
+                "headline": next(iter(training.env.metrics)),
+                "headline_value": self.headline[number],
+            }
+            write_json_atomic(run.path / "progress.json", progress, durable=False)
+
+
+def _check_kernel(checkpoint: Checkpoint) -> None:
+    """A run goes on with the arithmetic that it began with, or its result would be another."""
+    began_with = checkpoint.counters["kernel"]
+    if began_with != kernel_name():
+        raise RunError(
+            f"{checkpoint.path}: was trained with the {began_with!r} kernel, this process has"
+            f" {kernel_name()!r}; see MSGDROP_KERNEL in msgdrop_cli/networks/kernel.py"
+        )
+
+
+def _outcome(planned: PlannedRun, path: Path, status: Status, reason: str | None) -> RunOutcome:
+    record = find_run(path, planned.run_id)
+    if record is None:
+        raise RecordError(f"{path}: the record has gone")
+    wall_time_s = float(record.run["wall_time_s"])
+    return RunOutcome(planned.run_id, path, status, reason, record.env_steps, wall_time_s)

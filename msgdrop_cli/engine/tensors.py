@@ -1,0 +1,84 @@
+"""Tensors on disk: safetensors only, written in one atomic step, distrusted when read."""
+
+import os
+from collections.abc import Mapping
+from pathlib import Path
+
+import torch
+from safetensors import SafetensorError
+from safetensors.torch import load, save
+from torch import Tensor
+
+from msgdrop_cli.errors import RecordError
+
+_LARGEST_HEADER = 1_000_000
+_MOST_TENSORS = 4_096
+
+
+def write_tensors(path: Path, tensors: Mapping[str, Tensor]) -> None:
+    """Write all tensors or, on any fault, nothing; raises RecordError (74)."""
+    content = save({name: t.detach().cpu().contiguous() for name, t in tensors.items()})
+    write_bytes(path, content)
+
+
+def write_bytes(path: Path, content: bytes) -> None:
+    """Replace `path` by `content` durably: temp file, fsync, rename, fsync of the folder."""
+    temporary = path.with_name(f".tmp-{os.getpid()}-{path.name}")
+    try:
+        with temporary.open("wb") as file:
+            file.write(content)
+            file.flush()
+            os.fsync(file.fileno())
+        temporary.replace(path)
+        sync_folder(path.parent)
+    except OSError as error:
+        temporary.unlink(missing_ok=True)
+        raise RecordError(f"{path}: cannot be written: {error.strerror}", 74) from error
+
+
+def sync_folder(folder: Path) -> None:
+    """Make a rename in `folder` survive a power cut."""
+    handle = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
+    try:
+        os.fsync(handle)
+    finally:
+        os.close(handle)
+
+
+def parse_tensors(content: bytes, path: Path) -> dict[str, Tensor]:
+    """The tensors in a safetensors file's content; RecordError (4) for anything else."""
+    if len(content) < 8 or int.from_bytes(content[:8], "little") > _LARGEST_HEADER:
+        raise RecordError(f"{path}: is not a safetensors file of msgdrop")
+    try:
+        tensors = load(content)
+    except (SafetensorError, ValueError, KeyError, TypeError, AttributeError) as error:
+        raise RecordError(f"{path}: is damaged: {error}") from error
+    if len(tensors) > _MOST_TENSORS:
+        raise RecordError(f"{path}: holds {len(tensors)} tensors, expected {_MOST_TENSORS} at most")
+    return tensors
+
+
+def read_tensors(path: Path) -> dict[str, Tensor]:
+    """The tensors in `path`; RecordError (4) if it cannot be read or is damaged."""
+    try:
+        content = path.read_bytes()
+    except OSError as error:
+        raise RecordError(f"{path}: cannot be read: {error.strerror}") from error
+    return parse_tensors(content, path)
+
+
+def copy_into(views: Mapping[str, Tensor], tensors: Mapping[str, Tensor], path: Path) -> None:
+    """Copy each tensor into the view of its name; RecordError (4) unless all fit exactly."""
+    if set(views) != set(tensors):
+        odd = min(set(views) ^ set(tensors))
+        raise RecordError(f"{path}: does not fit this run: tensor {odd[:64]!r} is on one side only")
+    for name, view in views.items():
+        found = tensors[name]
+        if found.shape != view.shape or found.dtype != view.dtype:
+            raise RecordError(
+                f"{path}: does not fit this run: {name!r} is {tuple(found.shape)} {found.dtype},"
+                f" expected {tuple(view.shape)} {view.dtype}"
+            )
+    with torch.no_grad():
+        for name, view in views.items():
+            view.copy_(tensors[name])

@@ -1,0 +1,113 @@
+"""The loop of the paper's algorithm 1 for a whole cohort: act, step, store, learn.
+
+The loop contains nothing but the loop: logging, checkpoints and stopping consume it (`run.py`).
+With E parallel games, E env steps happen at once; the updates per env step stay the paper's.
+"""
+
+from collections.abc import Mapping, Sequence
+import torch
+from torch import Tensor
+
+from msgdrop_cli.algorithms.registry import learner_class
+from msgdrop_cli.definition.spec import RunSpec
+from msgdrop_cli.engine.randomness import Streams
+from msgdrop_cli.engine.replay import Replay
+from msgdrop_envs import autoreset, registry
+from msgdrop_envs.protocol import Metric
+
+
+class Training:
+    """R runs in lockstep that share every tensor shape; see `definition.cohorts.group`."""
+
+    def __init__(self, specs: Sequence[RunSpec], device: str = "cpu") -> None:
+        spec = specs[0]
+        config = spec.algorithm_config
+        self.runs, self.games_each = len(specs), spec.training.games
+        self.streams = Streams([s.seed for s in specs], device)
+        self.env = registry.make(spec.environment_config, device)
+        make = learner_class(spec.algorithm)
+        self.learner = make([s.algorithm_config for s in specs], self.env, device)
+        self.replay = Replay(
+            runs=self.runs,
+            games=self.games_each,
+            agents=self.env.agents,
+            observation=self.env.observation_size,
+            dtype=self.env.observation_dtype,
+            capacity=config.replay_capacity,
+            time_limit=self.env.time_limit,
+            device=device,
+        )
+        self.env_steps = 0
+        self.sums = torch.zeros(len(self.env.counts) + 3, self.runs, device=device)
+        """Since the last log: counts, then finished, episodes and return, [counts + 3, R]."""
+        self.games: autoreset.Games
+
+    def begin(self) -> None:
+        """Initialise the networks and the games (algorithm 1, first lines)."""
+        self.learner.initialise(self.streams.uniforms("init", self.learner.init_uniforms))
+        uniforms = self.streams.uniforms("env", self.games_each, self.env.reset_uniforms)
+        # The games start spread over an episode, so that they do not all end in one step.
+        spread = torch.arange(self.games_each, device=uniforms.device)
+        elapsed = spread * self.env.time_limit // self.games_each
+        self.games = autoreset.start(self.env, uniforms, elapsed.repeat(self.runs, 1))
+        self.replay.begin(self.games.obs)
+
+    def advance(self) -> None:
+        """One step of every game, and the updates that are due."""
+        actions = self.act()
+        self.play(actions)
+        for _ in range(self._updates_due()):
+            self.learn()
+
+    def act(self) -> Tensor:
+        """Each agent acts epsilon-greedily on Q_exec (l. 199-207): [R, E, N]."""
+        shape = (self.games_each, self.env.agents, self.learner.act_uniforms)
+        uniforms = self.streams.uniforms("explore", *shape)
+        return self.learner.act(self.games.obs, uniforms, self.env_steps)
+
+    def play(self, actions: Tensor) -> None:
+        """Execute the joint actions and store the transitions (l. 207-214)."""
+        env, each = self.env, self.games_each
+        uniforms = self.streams.uniforms("env", each, env.step_uniforms + env.reset_uniforms)
+        step, reset = uniforms.split([env.step_uniforms, env.reset_uniforms], -1)
+        self.games, transition = autoreset.step(env, self.games, actions, step, reset)
+        self.replay.add(actions, transition, self.games.obs)
+        self.env_steps += each
+        counts = [transition.info[name] for name in env.counts]
+        finished = transition.ended & (transition.discount == 0)
+        returns = transition.reward.sum(-1)
+        counts += [finished.float(), transition.ended.float(), returns]
+        self.sums += torch.stack(counts).sum(-1)  # [counts + 3, R]
+
+    def learn(self) -> None:
+        """Sample a minibatch for each agent and update (l. 216-223)."""
+        config = self.learner.config
+        drawn = self.streams.integers(
+            "replay", len(self.replay), self.env.agents, config.batch_size
+        )
+        batch = self.replay.gather(self.replay.rows(drawn), self.learner.blocks)
+        self.learner.update(batch, self.streams.uniforms("dropout", self.learner.update_uniforms))
+
+    def window(self, env_steps: int) -> list[dict[str, float | None]]:
+        """Each run's metrics over the `env_steps` since the last call; None where nothing was."""
+        names = (*self.env.counts, "finished", "episodes", "return")
+        rows = []
+        for column in self.sums.T.tolist():
+            sums = {"steps": float(env_steps), **dict(zip(names, column, strict=True))}
+            rows.append({name: ratio(metric, sums) for name, metric in self.env.metrics.items()})
+            rows[-1]["episodes"] = sums["episodes"]
+        self.sums.zero_()
+        return rows
+
+    def _updates_due(self) -> int:
+        config = self.learner.config
+        if self.env_steps <= config.replay_start_env_steps:
+            return 0
+        every = config.update_every_env_steps
+        return self.env_steps // every - (self.env_steps - self.games_each) // every
+
+
+def ratio(metric: Metric, sums: Mapping[str, float]) -> float | None:
+    """A metric from sums over a window or over episodes; None if there was nothing to divide by."""
+    per = sums[metric.per]
+    return metric.scale * sums[metric.count] / per if per else None

@@ -1,0 +1,39 @@
+"""The program's own errors: one line for the user each, and the exit code that goes with it."""
+
+import difflib
+from collections.abc import Iterable
+
+
+class MsgdropError(Exception):
+    """Something the user can act on: says what was wrong, where, what was expected, what to do."""
+
+    exit_code = 1
+
+
+class DefinitionError(MsgdropError):
+    """A definition, an override or an argument is wrong; nothing has been written."""
+
+    exit_code = 2
+
+
+class RunError(MsgdropError):
+    """A run could not be trained or evaluated."""
+
+    exit_code = 1
+
+
+class RecordError(MsgdropError):
+    """The results store cannot be read (4), created (73), written (74), or is in use (75)."""
+
+    def __init__(self, message: str, exit_code: int = 4) -> None:
+        super().__init__(message)
+        self.exit_code = exit_code
+
+
+def nearest(name: str, known: Iterable[str]) -> str:
+    """The tail of an error message that names the nearest known word, or all of them."""
+    names = sorted(known)
+    close = difflib.get_close_matches(name, names, n=1)
+    if close:
+        return f"did you mean {close[0]!r}?"
+    return "known: " + ", ".join(names)

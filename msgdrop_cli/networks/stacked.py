@@ -1,0 +1,98 @@
+"""Weights of G = R*N equal networks in one flat tensor, and the dense layer over them.
+
+One flat tensor means one Adam step and one target copy for everything. It is padded to whole
+SIMD registers, so that no number is handled in a loop's tail: a run's bits must not depend on how
+many runs it is stacked with (test_independence).
+"""
+
+import math
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import torch
+from torch import Tensor
+
+from msgdrop_cli.networks.inputs import SparseInput
+
+Layers = Mapping[str, tuple[int, int]]
+"""Layer name to (inputs, outputs)."""
+
+
+class Dense(NamedTuple):
+    """One layer's weight [G, inputs, outputs] and bias [G, 1, outputs]: views of the flat tensor."""
+
+    weight: Tensor
+    bias: Tensor
+
+
+class Stacked:
+    """The weights (or gradients, or moments) of G networks: `flat`, and views by layer name."""
+
+    def __init__(self, layers: Layers, networks: int, device: torch.device | str = "cpu") -> None:
+        self.layers = layers
+        self.networks = networks
+        sizes = [networks * (i + 1) * o for i, o in layers.values()]
+        self.flat = torch.zeros(math.ceil(sum(sizes) / 64) * 64, device=device)
+        self.views: dict[str, Dense] = {}
+        start = 0
+        for (name, (i, o)), size in zip(layers.items(), sizes, strict=True):
+            weight, bias = self.flat[start : start + size].split([networks * i * o, networks * o])
+            self.views[name] = Dense(weight.view(networks, i, o), bias.view(networks, 1, o))
+            start += size
+
+    def __getitem__(self, layer: str) -> Dense:
+        return self.views[layer]
+
+    def of_networks(self, first: int, last: int) -> dict[str, Tensor]:
+        """Views of the networks `first` to `last - 1`, by `layer.weight` and `layer.bias`."""
+        return {
+            f"{name}.{part}": getattr(dense, part)[first:last]
+            for name, dense in self.views.items()
+            for part in ("weight", "bias")
+        }
+
+
+def parameter_count(layers: Layers) -> int:
+    """Weights and biases of one network."""
+    return sum((inputs + 1) * outputs for inputs, outputs in layers.values())
+
+
+def initialise(weights: Stacked, uniforms: Tensor) -> None:
+    """Fill in place with U(-1/sqrt(inputs), 1/sqrt(inputs)), torch's default for a linear layer.
+
+    uniforms: [R, N * parameter_count] in [0, 1), so that each run's weights are its own seed's.
+    """
+    runs = uniforms.shape[0]
+    start = 0
+    for name, (inputs, outputs) in weights.layers.items():
+        for part in (weights[name].weight, weights[name].bias):
+            count = part.numel() // runs
+            numbers = uniforms[:, start : start + count].reshape(part.shape)
+            part.copy_((2.0 * numbers - 1.0) / math.sqrt(inputs))
+            start += count
+
+
+def dense(layer: Dense, inputs: Tensor | SparseInput) -> Tensor:
+    """inputs [G, B, in] times weight plus bias: [G, B, out]."""
+    if isinstance(inputs, SparseInput):
+        return inputs.times(*layer)
+    return torch.baddbmm(layer.bias, inputs, layer.weight)
+
+
+def dense_backward(gradient: Dense, inputs: Tensor | SparseInput, grad_output: Tensor) -> None:
+    """Write dL/dweight and dL/dbias into `gradient`.
+
+    grad_output: [G, rows, out], for the first rows of the inputs [G, B, in].
+    """
+    torch.sum(grad_output, 1, keepdim=True, out=gradient.bias)
+    if isinstance(inputs, SparseInput):
+        inputs.gradient(grad_output, out=gradient.weight)
+    else:
+        rows = inputs[:, : grad_output.shape[1]]
+        torch.bmm(rows.mT, grad_output, out=gradient.weight)
+
+
+def through_relu(layer: Dense, grad_output: Tensor, activation: Tensor) -> Tensor:
+    """dL/d(input of the ReLU that made `activation`, the input of `layer`): [G, rows, in]."""
+    rows = activation[:, : grad_output.shape[1]]
+    return torch.bmm(grad_output, layer.weight.mT).mul_(rows > 0)

@@ -1,0 +1,271 @@
+"""Run folders: `runs/<environment>/<variant>-s<seed>-<id>/` with `run.json` and the logs.
+
+A folder is a run if it holds a `run.json`; what the run is stands in there, never in a file name.
+"""
+
+import os
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, fields
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any, Literal, get_args
+
+from msgdrop_cli.definition.run_id import spec_to_dict
+from msgdrop_cli.definition.spec import NAME, PlannedRun
+from msgdrop_cli.definition.strict import Where, build, one_line
+from msgdrop_cli.errors import DefinitionError, RecordError
+from msgdrop_cli.records.files import (
+    CANNOT_CREATE,
+    read_json,
+    read_jsonl,
+    write_json_atomic,
+)
+
+SCHEMA = 1
+Status = Literal["planned", "running", "done", "failed", "diverged", "interrupted"]
+FACTS = (
+    "env_steps",
+    "wall_time_s",
+    "created",
+    "versions",
+    "commit",
+    "host",
+    "device",
+    "threads",
+    "kernel",
+    "metrics",
+)
+"""What the engine knows about a run beside its plan."""
+_LONGEST_REASON = 500
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Run:
+    """The part of `run.json` that the program relies on; more may stand there."""
+
+    run_id: str
+    variant: str
+    label: str
+    definition: str
+    profile: str
+    status: Status
+    reason: str | None = None
+    environment: str
+    seed: int
+    spec: Mapping[str, Any]
+    env_steps: int
+    wall_time_s: float
+
+    def __post_init__(self) -> None:
+        for key in ("run_id", "variant", "definition", "profile", "environment"):
+            if not NAME.fullmatch(getattr(self, key)):
+                raise ValueError(f"{key} is not a name")
+        if self.env_steps < 0 or self.wall_time_s < 0:
+            raise ValueError("env_steps and wall_time_s cannot be negative")
+
+
+@dataclass(frozen=True, slots=True)
+class RunRecord:
+    """One run on disk, as it was when it was read."""
+
+    path: Path
+    run: dict[str, Any]
+    """The whole of `run.json`, checked."""
+
+    @property
+    def run_id(self) -> str:
+        """The 8 hex digits of the resolved spec."""
+        return str(self.run["run_id"])
+
+    @property
+    def variant(self) -> str:
+        """The arm of the ablation that trained it first."""
+        return str(self.run["variant"])
+
+    @property
+    def label(self) -> str:
+        """What tables and figures call the variant."""
+        return str(self.run["label"])
+
+    @property
+    def environment(self) -> str:
+        """The paper's setting, e.g. `pursuit-n6`."""
+        return str(self.run["environment"])
+
+    @property
+    def seed(self) -> int:
+        """The seed of every random stream."""
+        return int(self.run["seed"])
+
+    @property
+    def status(self) -> str:
+        """One of planned, running, done, failed, diverged, interrupted."""
+        return str(self.run["status"])
+
+    @property
+    def reason(self) -> str | None:
+        """Why it failed or diverged, in one line."""
+        reason = self.run.get("reason")
+        return None if reason is None else str(reason)
+
+    @property
+    def profile(self) -> str:
+        """The scale it was planned at."""
+        return str(self.run["profile"])
+
+    @property
+    def definition(self) -> str:
+        """The ablation that trained it first."""
+        return str(self.run["definition"])
+
+    @property
+    def env_steps(self) -> int:
+        """Environment steps trained so far."""
+        return int(self.run["env_steps"])
+
+    @property
+    def spec(self) -> dict[str, Any]:
+        """The resolved spec, as `spec_to_dict` made it."""
+        return dict(self.run["spec"])
+
+    def metrics(self) -> list[dict[str, Any]]:
+        """The rows of `metrics.jsonl`, none before the first; RecordError if damaged."""
+        return _rows(self.path / "metrics.jsonl", "env_steps")
+
+    def episodes(self, broken_links: float | None = None) -> list[dict[str, Any]]:
+        """The raw evaluation episodes, of all channels or of one fraction of broken links."""
+        rows = _rows(self.path / "episodes.jsonl", "broken_links")
+        return [row for row in rows if broken_links in (None, row["broken_links"])]
+
+
+def run_path(root: Path, planned: PlannedRun) -> Path:
+    """The folder of a run in the results folder `root`; nothing is created."""
+    folder = f"{planned.variant}-s{planned.spec.seed}-{planned.run_id}"
+    return root / "runs" / planned.spec.environment / folder
+
+
+def list_runs(root: Path) -> list[RunRecord]:
+    """Every run in or below `root` (a results folder, a part of it, or one run), sorted by path.
+
+    Raises RecordError, in one line: no such folder, no run in it, or a damaged or unknown record.
+    """
+    records = [_record(path) for path in _run_folders(root)]
+    if not records:
+        raise RecordError(one_line(f"{root}: holds no runs of msgdrop (no run.json in or below)"))
+    return records
+
+
+def find_run(root: Path, run_id: str) -> RunRecord | None:
+    """The run with this id in or below `root`; of several, a finished or else the longest one.
+
+    Raises RecordError if its record is damaged; damage of other runs does not matter here.
+    """
+    if not root.is_dir():
+        return None
+    folders = [path for path in _run_folders(root) if path.name.endswith(f"-{run_id}")]
+    found = [record for record in map(_record, folders) if record.run_id == run_id]
+    return max(found, key=lambda record: (record.status == "done", record.env_steps), default=None)
+
+
+def create_run(path: Path, planned: PlannedRun, facts: Mapping[str, Any]) -> RunRecord:
+    """Writes the first `run.json` of a run, status `planned`; `facts` has keys of FACTS.
+
+    Raises RecordError if the folder cannot be made (73), has a record already (73), or cannot be
+    written (74).
+    """
+    file = path / "run.json"
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        message = one_line(f"{path}: cannot be created: {error.strerror}")
+        raise RecordError(message, CANNOT_CREATE) from error
+    if os.path.lexists(file):
+        raise RecordError(one_line(f"{file}: exists already"), CANNOT_CREATE)
+    run = {
+        "schema": SCHEMA,
+        "run_id": planned.run_id,
+        "variant": planned.variant,
+        "label": planned.label,
+        "definition": planned.definition,
+        "profile": planned.profile,
+        "status": "planned",
+        "reason": None,
+        "environment": planned.spec.environment,
+        "seed": planned.spec.seed,
+        "spec": spec_to_dict(planned.spec),
+        "env_steps": 0,
+        "wall_time_s": 0.0,
+        "created": datetime.now(UTC).isoformat(timespec="seconds"),
+        **_checked_facts(facts),
+    }
+    write_json_atomic(file, run)
+    return _record(path)
+
+
+def set_status(path: Path, status: Status, reason: str | None = None, **facts: Any) -> RunRecord:
+    """Rewrites `run.json` with a new status word, its reason in one line, and newer facts.
+
+    Raises RecordError: the record is damaged (4) or cannot be written (74).
+    """
+    if status not in get_args(Status):
+        raise ValueError(f"no status is called {status!r}")
+    why = one_line(reason)[:_LONGEST_REASON] if reason else None
+    run = {**_record(path).run, "status": status, "reason": why or None, **_checked_facts(facts)}
+    write_json_atomic(path / "run.json", run)
+    return _record(path)
+
+
+def _record(path: Path) -> RunRecord:
+    file = path / "run.json"
+    run = read_json(file)
+    if not isinstance(run, dict):
+        raise RecordError(one_line(f"{file}: is damaged: expected an object"))
+    if run.get("schema") != SCHEMA:
+        problem = f"schema {str(run.get('schema'))[:20]} is unknown, expected {SCHEMA}"
+        raise RecordError(one_line(f"{file}: {problem}; a newer msgdrop may read it"))
+    known = {field.name for field in fields(_Run)}
+    try:
+        build(_Run, {key: run[key] for key in run if key in known}, Where(str(file)))
+    except DefinitionError as error:
+        raise RecordError(str(error)) from error
+    return RunRecord(path, run)
+
+
+def _run_folders(root: Path) -> list[Path]:
+    try:
+        return sorted(_walk(root))
+    except (OSError, ValueError) as error:
+        place, reason = root, str(error)
+        if isinstance(error, OSError):
+            place, reason = error.filename or root, error.strerror or reason
+        raise RecordError(one_line(f"{place}: cannot be read: {reason}")) from error
+
+
+def _walk(folder: Path) -> Iterator[Path]:
+    """Run folders in or below `folder`. Links are not followed: they could lead in circles."""
+    with os.scandir(folder) as entries:
+        found = list(entries)
+    if any(entry.name == "run.json" for entry in found):
+        yield folder
+        return
+    for entry in found:
+        if entry.is_symlink() and not Path(entry.path).is_file():
+            raise RecordError(one_line(f"{entry.path}: is a symbolic link; name its target"))
+        if entry.is_dir():
+            yield from _walk(Path(entry.path))
+
+
+def _rows(path: Path, key: str) -> list[dict[str, Any]]:
+    if not os.path.lexists(path):
+        return []
+    rows = read_jsonl(path)
+    for number, row in enumerate(rows, start=1):
+        if type(row.get(key)) not in (int, float):
+            raise RecordError(one_line(f"{path}: line {number}: {key!r} is not a number"))
+    return rows
+
+
+def _checked_facts(facts: Mapping[str, Any]) -> Mapping[str, Any]:
+    if unknown := set(facts) - set(FACTS):
+        raise ValueError(f"not a fact of a run: {min(unknown)}")
+    return facts

@@ -1,0 +1,68 @@
+"""The compiled first layer against the plain torch path, which is its oracle."""
+
+import pytest
+import torch
+
+from msgdrop_cli.networks import kernel as kernel_module
+from msgdrop_cli.networks.inputs import SparseInput, split_own
+from msgdrop_cli.ops.message_dropout import apply_keep
+
+pytestmark = pytest.mark.skipif(
+    kernel_module.kernel() is None, reason="no C compiler, or MSGDROP_KERNEL=torch"
+)
+
+G, B, J, O, H = 3, 10, 4, 147, 96
+
+
+def _case(unit: int) -> tuple[SparseInput, torch.Tensor]:
+    """Bytes of which about 8% are not zero, factors of 0, 1 and between, and the dense product."""
+    random = torch.Generator().manual_seed(unit)
+    ones = torch.rand(G, B, J, O, generator=random) < 0.08
+    blocks = (ones * torch.randint(1, 6, ones.shape, generator=random)).to(torch.uint8)
+    factor = torch.randint(0, 3, (G, B, J, unit), generator=random) * 0.5
+    return SparseInput(blocks, factor), apply_keep(blocks.float(), factor).flatten(2)
+
+
+@pytest.mark.parametrize("unit", [1, O])
+def test_forward_is_the_dense_product(unit: int) -> None:
+    """A whole layer equals baddbmm on the multiplied-out input."""
+    inputs, dense = _case(unit)
+    weight, bias = torch.randn(G, J * O, H), torch.randn(G, 1, H)
+    expected = torch.baddbmm(bias, dense, weight)
+    torch.testing.assert_close(inputs.times(weight, bias), expected, rtol=1e-5, atol=1e-5)
+
+
+@pytest.mark.parametrize("unit", [1, O])
+def test_gradient_is_the_dense_product(unit: int) -> None:
+    """The weight's gradient equals bmm, for the first rows only and over old contents."""
+    inputs, dense = _case(unit)
+    grad_output = torch.randn(G, 7, H)
+    out = torch.full((G, J * O, H), 9.0)
+    inputs.gradient(grad_output, out)
+    expected = torch.bmm(dense[:, :7].mT, grad_output)
+    torch.testing.assert_close(out, expected, rtol=1e-5, atol=1e-5)
+
+
+def test_parts_of_an_input_are_read_in_place() -> None:
+    """The own block, the messages and later rows are views with the right strides."""
+    inputs, dense = _case(1)
+    own, messages = split_own(inputs, O)
+    weight, bias = torch.randn(G, J * O, H), torch.zeros(G, 1, H)
+    assert isinstance(own, SparseInput)
+    assert isinstance(messages, SparseInput)
+    later = SparseInput(messages.blocks[:, 4:], messages.factor[:, 4:])
+    for part, expected in (
+        (own, torch.bmm(dense[..., :O], weight[:, :O])),
+        (later, torch.bmm(dense[:, 4:, O:], weight[:, O:])),
+    ):
+        shape = part.blocks.shape[2] * O
+        layer = weight[:, :O] if shape == O else weight[:, O:]
+        found = part.times(layer.contiguous(), bias)
+        torch.testing.assert_close(found, expected, rtol=1e-5, atol=1e-5)
+
+
+def test_the_torch_path_can_be_chosen(monkeypatch: pytest.MonkeyPatch) -> None:
+    """MSGDROP_KERNEL=torch loads nothing."""
+    monkeypatch.setenv("MSGDROP_KERNEL", "torch")
+    assert kernel_module.kernel.__wrapped__() is None
+    assert kernel_module.kernel() is not None
