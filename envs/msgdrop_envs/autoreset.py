@@ -64,7 +64,7 @@ def take(games: Games, chosen: Tensor) -> Games:
 
 
 def select(choose: Tensor, yes: StateT, no: StateT) -> StateT:
-    """Take whole games from `yes` where `choose` [...] holds, else from `no` (State dataclasses)."""
+    """Take whole games from `yes` where `choose` [...] holds, else from `no`; both are States."""
     picked = {}
     for field in dataclasses.fields(yes):  # type: ignore[arg-type]
         there, here = getattr(yes, field.name), getattr(no, field.name)

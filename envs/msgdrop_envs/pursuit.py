@@ -1,4 +1,4 @@
-"""Pursuit: pursuers surround evaders on an empty square grid (paper, l. 417-440).
+"""Pursuit: pursuers surround evaders on an empty square grid (paper, l. 360-373).
 
 The rules of one step, in order:
 1. Every pursuer moves North, East, West, South or stays. A move off the map costs `edge_penalty`
@@ -27,29 +27,29 @@ if TYPE_CHECKING:
     from msgdrop_envs.pursuit_view import PursuitView
 
 MOVES = ((-1, 0), (0, 1), (0, -1), (1, 0), (0, 0))
-"""(row, column) of North, East, West, South, Stay: the paper's order (l. 423)."""
+"""(row, column) of North, East, West, South, Stay: the paper's order (l. 366)."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Config:
-    """The settings of a game; the defaults are the paper's N=6 case (l. 440)."""
+    """The settings of a game; the defaults are the paper's N=6 case (l. 373)."""
 
     pursuers: int = 6
-    """N (paper l. 440)."""
+    """N (paper l. 373)."""
     evaders: int = 2
-    """M (paper l. 440)."""
+    """M (paper l. 373)."""
     map_size: int = 15
-    """Cells on a side of the map (paper l. 440)."""
+    """Cells on a side of the map (paper l. 373)."""
     sight: int = 3
-    """D, cells seen in each direction (paper l. 440)."""
+    """D, cells seen in each direction (paper l. 373)."""
     time_limit: int = 500
-    """T, steps (paper l. 440)."""
+    """T, steps (paper l. 373)."""
     capture_reward: float = 5.0
-    """R+, to every pursuer beside a captured evader (paper l. 440)."""
+    """R+, to every pursuer beside a captured evader (paper l. 373)."""
     step_penalty: float = 0.05
-    """R1-, every step (paper l. 440)."""
+    """R1-, every step (paper l. 373)."""
     edge_penalty: float = 0.5
-    """R2-, for a move off the map (paper l. 440)."""
+    """R2-, for a move off the map (paper l. 373)."""
     capture_reward_once: bool = False
     """Pay R+ once a step even for two captured evaders, as MADRL does (ours: for each)."""
     may_enter_evaders: bool = True
@@ -59,6 +59,8 @@ class Config:
         for name in ("pursuers", "evaders", "sight", "time_limit"):
             if getattr(self, name) < 1:
                 raise ValueError(f"{name} must be at least 1, not {getattr(self, name)}")
+        if max(self.pursuers, self.evaders) > 255:  # counts are bytes
+            raise ValueError("pursuers and evaders must be at most 255")
         if self.map_size < 3:
             raise ValueError(f"map_size must be at least 3, not {self.map_size}")
 
@@ -91,7 +93,7 @@ class Pursuit:
     observation_dtype = torch.uint8
     actions = len(MOVES)
     counts: tuple[str, ...] = ("catches", "edge_hits")
-    metrics: Mapping[str, Metric] = {  # noqa: RUF012 - a constant table
+    metrics: Mapping[str, Metric] = {
         "catches_per_500": Metric(
             "catches", "steps", 500.0, "higher", "evader catches in 500 env steps"
         ),
@@ -121,7 +123,7 @@ class Pursuit:
         self._slots, self._others = self._entity_tables(device)
 
     def reset(self, uniforms: Tensor) -> State:
-        """Start games (paper l. 422-424). uniforms: [..., N], one cell for each pursuer."""
+        """Start games (paper l. 365-366). uniforms: [..., N], one cell for each pursuer."""
         size = self.config.map_size
         cells = (uniforms * size**2).long()
         pursuers = torch.stack((cells // size, cells % size), -1)
@@ -131,7 +133,7 @@ class Pursuit:
         return State(pursuers, evaders, free)
 
     def step(self, state: State, actions: Tensor, uniforms: Tensor) -> tuple[State, Transition]:
-        """Play one step (paper l. 423-429; the order of things is the module's docstring).
+        """Play one step (paper l. 365-369; the order of things is the module's docstring).
 
         actions: [..., N] int64, indices of MOVES; uniforms: [..., M], one move for each evader.
         """
@@ -151,7 +153,7 @@ class Pursuit:
         return state, Transition(self.observe(state), reward, (~ended).float(), ended, info)
 
     def observe(self, state: State) -> Tensor:
-        """Counts of other pursuers and of evaders, and the edge (paper l. 432-436).
+        """Counts of other pursuers and of evaders, and the edge (paper l. 370-372).
 
         Returns [..., N, 3 * (2D+1)**2] uint8, channel by channel, rows from North to South.
         """
@@ -190,7 +192,7 @@ class Pursuit:
         return torch.where(stays[..., None], state.evaders, goal)
 
     def _captures(self, evaders: Tensor, free: Tensor, pursuers: Tensor) -> tuple[Tensor, Tensor]:
-        """Which evaders are surrounded [..., M], and which pursuers are beside which [..., M, N]."""
+        """Which evaders are surrounded [..., M], and who is beside which [..., M, N]."""
         sides = evaders[..., None, :] + self._sides  # [..., M, 4, 2]
         taken = (sides[..., None, :] == pursuers[..., None, None, :, :]).all(-1)  # [..., M, 4, N]
         beyond = (sides != sides.clamp(0, self.config.map_size - 1)).any(-1)  # [..., M, 4]

@@ -15,7 +15,9 @@ def settings() -> dict[str, Any]:
     found: dict[str, Any] = {}
     for module in pkgutil.iter_modules(msgdrop_envs.__path__):
         if module.name != "parallel":  # needs the extra `pettingzoo`, and is no environment
-            found.update(getattr(importlib.import_module(f"msgdrop_envs.{module.name}"), "PAPER", {}))
+            found.update(
+                getattr(importlib.import_module(f"msgdrop_envs.{module.name}"), "PAPER", {})
+            )
     return found
 
 

@@ -5,9 +5,9 @@ networks, each on a minibatch of its own. What tells them apart are values of th
 
 * FDC sees its own observation only (network "own"); simple DCC is rate 0 (l. 263);
 * DCC-MD drops whole messages with probability `rate` (dropout "message");
-* SD drops single elements of the messages (dropout "element", l. 520);
-* Full MD and Full SD drop the own observation too (`drops_own`, l. 545);
-* Concat feeds everything to one perceptron (network "concat", l. 552).
+* SD drops single elements of the messages (dropout "element", l. 464);
+* Full MD and Full SD drop the own observation too (`drops_own`, l. 489);
+* Concat feeds everything to one perceptron (network "concat", l. 515).
 
 Letters: `R` runs, `E` games, `N` agents, `G = R*N`, `B` batch, `S` senders, `O` observation.
 """
@@ -19,14 +19,15 @@ from typing import Any, Literal
 import torch
 from torch import Tensor
 
+from msgdrop_cli.algorithms.adam import Adam
 from msgdrop_cli.algorithms.protocol import Batch
 from msgdrop_cli.networks.fgh import FGH
 from msgdrop_cli.networks.inputs import masked_input
 from msgdrop_cli.networks.perceptron import Perceptron
-from msgdrop_cli.networks.stacked import Stacked, initialise, parameter_count
+from msgdrop_cli.networks.stacked import Network, Stacked, initialise, parameter_count
 from msgdrop_cli.ops.exploration import annealed_epsilon, epsilon_greedy
 from msgdrop_cli.ops.message_dropout import execution_scale, keep_mask
-from msgdrop_cli.ops.td import clip_gradient_norm, double_q_target, loss_gradient
+from msgdrop_cli.ops.td import double_q_target, loss_gradient
 from msgdrop_envs.protocol import Environment
 
 
@@ -37,21 +38,21 @@ class Config:
     rate: float = 0.2
     """Probability of dropping a message (or an element) in training (paper l. 173)."""
     dropout: Literal["message", "element"] = "message"
-    """What is dropped as one: a whole message (l. 173) or single elements (SD, l. 520)."""
+    """What is dropped as one: a whole message (l. 173) or single elements (SD, l. 464)."""
     drops_own: bool = False
-    """Drop the own observation as well (Full MD, Full SD, l. 545)."""
+    """Drop the own observation as well (Full MD, Full SD, l. 489)."""
     network: Literal["fgh", "concat", "own"] = "fgh"
-    """The architecture: h(f, g) (l. 496), one perceptron on everything, or on the own only."""
+    """The architecture: h(f, g) (l. 404), one perceptron on everything, or on the own only."""
     f_units: tuple[int, int] = (64, 48)
-    """Layers of f; also the first layers of FDC and Concat (l. 743, 749)."""
+    """Layers of f; also the first layers of FDC and Concat (l. 745, 750)."""
     g_units: int = 96
-    """The layer of g (l. 744: 96; N=8: 128)."""
+    """The layer of g (l. 746: 96; N=8: 128)."""
     h_units: int = 32
-    """The hidden layer of h (l. 746)."""
+    """The hidden layer of h (l. 747)."""
     gamma: float = 0.99
-    """Discount (l. 752, printed as lambda)."""
+    """Discount (l. 753, printed as lambda)."""
     learning_rate: float = 1e-4
-    """Adam's step size (l. 752)."""
+    """Adam's step size (l. 753)."""
     batch_size: int = 32
     """Transitions an agent and update (ours: not in the paper)."""
     loss: Literal["mse", "huber"] = "mse"
@@ -59,19 +60,19 @@ class Config:
     max_gradient_norm: float = 0.0
     """Clip each network's gradient to this norm; 0 does not clip (ours)."""
     replay_capacity: int = 200_000
-    """Transitions in each agent's memory (l. 752)."""
+    """Transitions in each agent's memory (l. 753)."""
     replay_start_env_steps: int = 10_000
     """Env steps before the first update (ours: not in the paper)."""
     update_every_env_steps: int = 4
-    """Env steps between two updates (l. 752)."""
+    """Env steps between two updates (l. 753)."""
     target_update_every_updates: int = 1_000
     """Updates between two copies to the target network (ours: not in the paper)."""
     epsilon_start: float = 1.0
-    """Exploration at the start (l. 752)."""
+    """Exploration at the start (l. 753)."""
     epsilon_final: float = 0.02
-    """Exploration in the end (l. 752)."""
+    """Exploration in the end (l. 753)."""
     epsilon_anneal_env_steps: int = 2_000_000
-    """Env steps from the start value to the final one (l. 752)."""
+    """Env steps from the start value to the final one (l. 753)."""
 
     def __post_init__(self) -> None:
         for name in ("rate", "gamma", "epsilon_start", "epsilon_final"):
@@ -106,7 +107,7 @@ PAPER: Mapping[str, Mapping[str, Any]] = {
     "pursuit-n6": {},
     "pursuit-n8": {"g_units": 128},
 }
-"""What the supplement changes for each environment (l. 750)."""
+"""What the supplement changes for each environment (l. 751)."""
 
 TRAINING: Mapping[str, Mapping[str, Any]] = {
     "pursuit-n6": {"train_env_steps": 5_000_000},
@@ -123,15 +124,16 @@ class DCC:
     ) -> None:
         self.config = config = configs[0]
         self._runs, self._agents = len(configs), env.agents
-        self._actions = env.actions
         networks = self._runs * self._agents
         self.network = _network(config, env)
         self.online = Stacked(self.network.layers, networks, device)
         self.target = Stacked(self.network.layers, networks, device)
-        self.gradient = Stacked(self.network.layers, networks, device)
-        self.online.flat.grad = self.gradient.flat
-        self._adam = torch.optim.Adam([self.online.flat], lr=config.learning_rate, fused=True)
-        self._moments = self._start_adam(device)
+        self.adam = Adam(
+            self.online,
+            learning_rate=config.learning_rate,
+            max_gradient_norm=config.max_gradient_norm,
+            device=device,
+        )
         self.updates = 0
 
         senders, size = self.network.hears, config.batch_size
@@ -157,7 +159,7 @@ class DCC:
         self.target.flat.copy_(self.online.flat)
 
     def epsilon(self, env_steps: int) -> float:
-        """The share of random actions after `env_steps` (l. 752)."""
+        """The share of random actions after `env_steps` (l. 753)."""
         c = self.config
         return annealed_epsilon(
             env_steps, c.epsilon_start, c.epsilon_final, c.epsilon_anneal_env_steps
@@ -173,7 +175,7 @@ class DCC:
     def act_greedily(self, obs: Tensor, keep: Tensor | None = None) -> Tensor:
         """The policy pi: argmax of Q_exec (label eq:policy). obs [R, E, N, O]; keep [R, E, N, S].
 
-        A message over a broken link (keep 0) is a zero vector (l. 567). Returns [R, E, N].
+        A message over a broken link (keep 0) is a zero vector (l. 525). Returns [R, E, N].
         """
         return self.q_exec(obs, keep).argmax(-1)
 
@@ -210,7 +212,7 @@ class DCC:
         error = q[:, :size].gather(-1, action).squeeze(-1) - target
         loss, slope = loss_gradient(error, self.config.loss)
         grad_q = torch.zeros_like(next_q).scatter_(-1, action, slope[..., None] / size)
-        self.network.backward(self.online, trace, grad_q, self.gradient)
+        self.network.backward(self.online, trace, grad_q, self.adam.gradient)
         self._step(loss, q)
 
     def metrics(self, env_steps: int) -> list[dict[str, float | None]]:
@@ -231,7 +233,7 @@ class DCC:
 
     def tensors(self, run: int) -> dict[str, Tensor]:
         """Online and target weights and Adam's moments of one run, as views."""
-        parts = {"online": self.online, "target": self.target, **self._moments}
+        parts = {"online": self.online, "target": self.target, **self.adam.moments}
         first, last = run * self._agents, (run + 1) * self._agents
         found = {
             f"{part}.{name}": view
@@ -253,7 +255,7 @@ class DCC:
     def resume_at(self, *counters: int) -> None:
         """Set the counters of `progress` again."""
         self.updates, self._summed = counters
-        self._adam.state[self.online.flat]["step"].fill_(self.updates)
+        self.adam.resume_at(self.updates)
 
     def _with_binary_mask(self, uniforms: Tensor) -> Tensor:
         """One mask a sample, for m~ and m~' alike (l. 233-241); the own block stays 1."""
@@ -262,9 +264,7 @@ class DCC:
         return self._factor.flatten(0, 1)
 
     def _step(self, loss: Tensor, q: Tensor) -> None:
-        if self.config.max_gradient_norm > 0:
-            self._clip()
-        self._adam.step()
+        self.adam.step()
         self.updates += 1
         if self.updates % self.config.target_update_every_updates == 0:
             self.target.flat.copy_(self.online.flat)
@@ -272,27 +272,8 @@ class DCC:
         self._sums[1] += q.view(self._runs, -1).mean(1)
         self._summed += 1
 
-    def _clip(self) -> None:
-        views = self.gradient.of_networks(0, self.gradient.networks).values()
-        factors = clip_gradient_norm(
-            torch.cat([v.flatten(1) for v in views], 1), self.config.max_gradient_norm
-        )
-        for view in views:
-            view.mul_(factors[:, None, None])
 
-    def _start_adam(self, device: torch.device | str) -> dict[str, Stacked]:
-        """Give Adam moments that are Stacked too, so that a run's share can be taken out."""
-        moments = {
-            name: Stacked(self.network.layers, self.online.networks, device)
-            for name in ("exp_avg", "exp_avg_sq")
-        }
-        step = torch.zeros((), device=device)
-        state = {name: stacked.flat for name, stacked in moments.items()}
-        self._adam.state[self.online.flat] = {"step": step, **state}
-        return moments
-
-
-def _network(config: Config, env: Environment) -> FGH | Perceptron:
+def _network(config: Config, env: Environment) -> Network:
     observation, senders = env.observation_size, env.agents - 1
     units = (*config.f_units, config.h_units)
     if config.network == "own":

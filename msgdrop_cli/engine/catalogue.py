@@ -1,4 +1,4 @@
-"""What can be planned: every environment and learner that stands in a file, for torch-free rooms."""
+"""What can be planned: every environment and learner that stands in a file."""
 
 from collections.abc import Mapping
 from typing import Any

@@ -127,18 +127,14 @@ class Checkpoints:
     def _prune(self) -> None:
         for path in self._paths()[:-KEPT]:
             shutil.rmtree(path, ignore_errors=True)
-        used = {
-            name
-            for path in self._paths()
-            for name in json.loads((path / "MANIFEST.json").read_text())["files"]
-        }
+        used = {name for path in self._paths() for name in _manifest(path).get("files", ())}
         for _, _, path in self._stretches():
             if f"replay/{path.name}" not in used:
                 path.unlink(missing_ok=True)
 
     def _read(self, path: Path) -> Checkpoint:
         try:
-            manifest = json.loads((path / "MANIFEST.json").read_text())
+            manifest = _manifest(path)
             counters, files = manifest["counters"], manifest["files"]
             contents: dict[str, dict[str, Tensor]] = {}
             for name, fingerprint in files.items():
@@ -174,6 +170,15 @@ def restore(training: Training, run: int, checkpoint: Checkpoint) -> None:
     training.replay.put(run, training.games.obs[run])
 
 
+def _manifest(path: Path) -> dict[str, Any]:
+    """The manifest of a checkpoint, or nothing if it is damaged."""
+    try:
+        manifest = json.loads((path / "MANIFEST.json").read_text())
+    except (OSError, ValueError):
+        return {}
+    return manifest if isinstance(manifest, dict) else {}
+
+
 def _state(training: Training, run: int) -> dict[str, Tensor]:
     """Views of one run's tensors, in whatever the cohort keeps them."""
     games = training.games
@@ -201,4 +206,3 @@ def _fingerprint(content: bytes) -> dict[str, Any]:
 
 def _first_step(name: str) -> int:
     return int(name.removeprefix("replay/").split("-")[0])
-

@@ -5,6 +5,8 @@ ones. Games, starts and broken links come from evaluation streams of the run's s
 with the same seed meet the same episodes, and evaluating more cannot change training.
 """
 
+import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +23,7 @@ from msgdrop_cli.engine.tensors import copy_into, read_tensors
 from msgdrop_cli.errors import DefinitionError, RecordError
 from msgdrop_cli.ops.links import broken_links as break_links
 from msgdrop_cli.ops.links import link_count
-from msgdrop_cli.records.files import append_jsonl, read_json
+from msgdrop_cli.records.files import read_json, write_jsonl_atomic
 from msgdrop_cli.records.store import list_runs
 from msgdrop_envs import autoreset, registry
 from msgdrop_envs.protocol import Environment
@@ -31,13 +33,19 @@ EPISODES = "episodes.jsonl"
 
 
 def evaluate(
-    run_path: Path, *, broken_links: float, episodes: int, device: str = "cpu"
+    run_path: Path,
+    *,
+    broken_links: float,
+    episodes: int,
+    device: str = "cpu",
+    stop: Callable[[], bool] = lambda: False,
 ) -> list[dict[str, Any]]:
-    """Play `episodes` greedy episodes with a fraction of the links broken (paper l. 567-571).
+    """Play `episodes` greedy episodes with a fraction of the links broken (paper l. 525).
 
     Returns a row an episode: broken_links, episode, steps, finished (it ended by itself), return
     (summed over agents and steps), and the environment's counts. Which links break is drawn once
-    an episode. Raises RecordError if the policy cannot be read or does not fit.
+    an episode. `stop` is asked twice a second; if it says so, there are no rows.
+    Raises RecordError if the policy cannot be read or does not fit.
     """
     spec = _spec_of(run_path)
     env = registry.make(spec.environment_config, device)
@@ -48,20 +56,36 @@ def evaluate(
     numbers = streams.uniforms("links", episodes, link_count(env.agents) + 1)
     keep = break_links(numbers, broken_links, env.agents) if broken_links > 0 else None
     with torch.no_grad():
-        table = _play(env, learner, streams, keep, episodes)
+        table = _play(env, learner, streams, keep, episodes, stop)
+    if table is None:
+        return []
     return [_row(env, broken_links, n, values) for n, values in enumerate(table.tolist())]
 
 
-def evaluate_run(run_path: Path, *, broken_links: float, episodes: int, device: str = "cpu") -> int:
-    """Evaluate and append the rows to the run's `episodes.jsonl`, all of them or none.
+def evaluate_run(
+    run_path: Path,
+    *,
+    broken_links: float,
+    episodes: int,
+    device: str = "cpu",
+    stop: Callable[[], bool] = lambda: False,
+) -> int:
+    """Evaluate, and put the rows into the run's `episodes.jsonl` in one atomic step.
 
-    Does nothing if the run has that many already. Returns the number of episodes written.
+    Does nothing if the run has that many already; fewer are replaced, since an evaluation is drawn
+    as a whole. Returns the number of episodes played, 0 if `stop` said so.
     """
     record = list_runs(run_path)[0]
     if len(record.episodes(broken_links)) >= episodes:
         return 0
-    rows = evaluate(run_path, broken_links=broken_links, episodes=episodes, device=device)
-    append_jsonl(run_path / EPISODES, *rows[len(record.episodes(broken_links)) :])
+    rows = evaluate(
+        run_path, broken_links=broken_links, episodes=episodes, device=device, stop=stop
+    )
+    if not rows:
+        return 0
+    others = [row for row in record.episodes() if row["broken_links"] != broken_links]
+    ordered = sorted([*others, *rows], key=lambda row: (row["broken_links"], row["episode"]))
+    write_jsonl_atomic(run_path / EPISODES, ordered)
     return len(rows)
 
 
@@ -74,9 +98,15 @@ def _spec_of(run_path: Path) -> RunSpec:
 
 
 def _play(
-    env: Environment, learner: Learner, streams: Streams, keep: Tensor | None, episodes: int
-) -> Tensor:
+    env: Environment,
+    learner: Learner,
+    streams: Streams,
+    keep: Tensor | None,
+    episodes: int,
+    stop: Callable[[], bool],
+) -> Tensor | None:
     """[episodes, 3 + counts]: steps, finished, return and the environment's counts of each."""
+    looked_up = time.monotonic()
     games = autoreset.start(
         env,
         streams.uniforms("evaluate", episodes, env.reset_uniforms),
@@ -85,6 +115,10 @@ def _play(
     table = torch.zeros(episodes, 3 + len(env.counts), device=streams.device)
     playing = torch.arange(episodes, device=streams.device)
     while len(playing):
+        if time.monotonic() - looked_up > 0.5:
+            looked_up = time.monotonic()
+            if stop():
+                return None
         actions = learner.act_greedily(games.obs, keep)
         uniforms = streams.uniforms("evaluate", episodes, env.step_uniforms)[:, playing]
         state, transition = env.step(games.state, actions, uniforms)
@@ -102,7 +136,9 @@ def _play(
     return table
 
 
-def _row(env: Environment, broken_links: float, episode: int, values: list[float]) -> dict[str, Any]:
+def _row(
+    env: Environment, broken_links: float, episode: int, values: list[float]
+) -> dict[str, Any]:
     steps, finished, total, *counts = values
     return {
         "broken_links": broken_links,

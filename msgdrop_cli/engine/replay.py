@@ -1,4 +1,4 @@
-"""The replay memories of a cohort (paper l. 214-216): every joint observation stored once.
+"""The replay memories of a cohort (paper l. 213-215): every joint observation stored once.
 
 Agent i's memory D^i holds (o, m, a, r, o', m'); all of them share one ring of *joint*
 observations, from which o and m are put together when sampled. Each agent draws its own

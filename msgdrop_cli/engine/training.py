@@ -5,9 +5,11 @@ With E parallel games, E env steps happen at once; the updates per env step stay
 """
 
 from collections.abc import Mapping, Sequence
+
 import torch
 from torch import Tensor
 
+from msgdrop_cli.algorithms.protocol import Batch
 from msgdrop_cli.algorithms.registry import learner_class
 from msgdrop_cli.definition.spec import RunSpec
 from msgdrop_cli.engine.randomness import Streams
@@ -56,8 +58,8 @@ class Training:
         """One step of every game, and the updates that are due."""
         actions = self.act()
         self.play(actions)
-        for _ in range(self._updates_due()):
-            self.learn()
+        for _ in range(self.updates_due()):
+            self.learn(self.sample())
 
     def act(self) -> Tensor:
         """Each agent acts epsilon-greedily on Q_exec (l. 199-207): [R, E, N]."""
@@ -66,7 +68,7 @@ class Training:
         return self.learner.act(self.games.obs, uniforms, self.env_steps)
 
     def play(self, actions: Tensor) -> None:
-        """Execute the joint actions and store the transitions (l. 207-214)."""
+        """Execute the joint actions and store the transitions (l. 207-213)."""
         env, each = self.env, self.games_each
         uniforms = self.streams.uniforms("env", each, env.step_uniforms + env.reset_uniforms)
         step, reset = uniforms.split([env.step_uniforms, env.reset_uniforms], -1)
@@ -79,14 +81,16 @@ class Training:
         counts += [finished.float(), transition.ended.float(), returns]
         self.sums += torch.stack(counts).sum(-1)  # [counts + 3, R]
 
-    def learn(self) -> None:
-        """Sample a minibatch for each agent and update (l. 216-223)."""
-        config = self.learner.config
-        drawn = self.streams.integers(
-            "replay", len(self.replay), self.env.agents, config.batch_size
-        )
-        batch = self.replay.gather(self.replay.rows(drawn), self.learner.blocks)
-        self.learner.update(batch, self.streams.uniforms("dropout", self.learner.update_uniforms))
+    def sample(self) -> Batch:
+        """Sample a minibatch for each agent from its memory (l. 215)."""
+        shape = (self.env.agents, self.learner.config.batch_size)
+        drawn = self.streams.integers("replay", len(self.replay), *shape)
+        return self.replay.gather(self.replay.rows(drawn), self.learner.blocks)
+
+    def learn(self, batch: Batch) -> None:
+        """Generate the binary mask and update every agent's network (l. 217-219)."""
+        uniforms = self.streams.uniforms("dropout", self.learner.update_uniforms)
+        self.learner.update(batch, uniforms)
 
     def window(self, env_steps: int) -> list[dict[str, float | None]]:
         """Each run's metrics over the `env_steps` since the last call; None where nothing was."""
@@ -99,11 +103,12 @@ class Training:
         self.sums.zero_()
         return rows
 
-    def _updates_due(self) -> int:
+    def updates_due(self) -> int:
+        """Updates that the last step calls for: one every `update_every_env_steps`."""
         config = self.learner.config
         if self.env_steps <= config.replay_start_env_steps:
             return 0
-        every = config.update_every_env_steps
+        every: int = config.update_every_env_steps
         return self.env_steps // every - (self.env_steps - self.games_each) // every
 
 

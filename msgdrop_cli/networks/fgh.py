@@ -1,4 +1,4 @@
-"""Q = h(f(o), g(m)): the paper's architecture (l. 494-500; sizes l. 742-750, figure 8)."""
+"""Q = h(f(o), g(m)): the paper's architecture (l. 401-407; sizes l. 745-751, figure 8)."""
 
 from typing import NamedTuple
 

@@ -73,4 +73,3 @@ def split_own(inputs: Tensor | SparseInput, observation: int) -> tuple[Tensor | 
         own = SparseInput(blocks[:, :, :1], factor[:, :, :1])
         return own, SparseInput(blocks[:, :, 1:], factor[:, :, 1:])
     return inputs[..., :observation], inputs[..., observation:]
-

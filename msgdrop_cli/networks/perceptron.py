@@ -7,7 +7,7 @@ from msgdrop_cli.networks.stacked import Layers, Stacked, dense, dense_backward,
 
 
 class Perceptron:
-    """inputs-64-48-32-5 in pursuit (FDC l. 749; Concat-MD takes FDC's widths, paper-facts 6.1)."""
+    """inputs-64-48-32-5 in pursuit (FDC l. 750; Concat-MD takes FDC's widths, paper-facts 6.1)."""
 
     def __init__(self, inputs: int, hears: int, units: tuple[int, ...], actions: int) -> None:
         self.hears = hears
@@ -27,7 +27,11 @@ class Perceptron:
         return dense(weights[last], trace[-1]), trace
 
     def backward(
-        self, weights: Stacked, trace: list[Tensor | SparseInput], grad_q: Tensor, gradients: Stacked
+        self,
+        weights: Stacked,
+        trace: list[Tensor | SparseInput],
+        grad_q: Tensor,
+        gradients: Stacked,
     ) -> None:
         """Write the gradients for the first grad_q.shape[1] rows of the trace; grad_q [G, B, A]."""
         gradient = grad_q

@@ -7,7 +7,7 @@ many runs it is stacked with (test_independence).
 
 import math
 from collections.abc import Mapping
-from typing import NamedTuple
+from typing import Any, NamedTuple, Protocol
 
 import torch
 from torch import Tensor
@@ -19,7 +19,7 @@ Layers = Mapping[str, tuple[int, int]]
 
 
 class Dense(NamedTuple):
-    """One layer's weight [G, inputs, outputs] and bias [G, 1, outputs]: views of the flat tensor."""
+    """One layer's weight [G, inputs, outputs] and bias [G, 1, outputs]: views of `flat`."""
 
     weight: Tensor
     bias: Tensor
@@ -52,6 +52,20 @@ class Stacked:
         }
 
 
+class Network(Protocol):
+    """An architecture; the weights are held apart, as a Stacked of its layers."""
+
+    layers: Layers
+    hears: int
+    """S, the senders whose messages are among its inputs."""
+
+    def forward(self, weights: Stacked, inputs: Tensor | SparseInput) -> tuple[Tensor, Any]:
+        """Q [G, B, A] of the inputs [G, B, (1+S)*O], and a trace for `backward`."""
+
+    def backward(self, weights: Stacked, trace: Any, grad_q: Tensor, gradients: Stacked) -> None:
+        """Write the gradients of the trace's first rows; grad_q [G, rows, A]."""
+
+
 def parameter_count(layers: Layers) -> int:
     """Weights and biases of one network."""
     return sum((inputs + 1) * outputs for inputs, outputs in layers.values())
@@ -64,7 +78,7 @@ def initialise(weights: Stacked, uniforms: Tensor) -> None:
     """
     runs = uniforms.shape[0]
     start = 0
-    for name, (inputs, outputs) in weights.layers.items():
+    for name, (inputs, _) in weights.layers.items():
         for part in (weights[name].weight, weights[name].bias):
             count = part.numel() // runs
             numbers = uniforms[:, start : start + count].reshape(part.shape)
@@ -73,7 +87,7 @@ def initialise(weights: Stacked, uniforms: Tensor) -> None:
 
 
 def dense(layer: Dense, inputs: Tensor | SparseInput) -> Tensor:
-    """inputs [G, B, in] times weight plus bias: [G, B, out]."""
+    """Inputs [G, B, in] times weight plus bias: [G, B, out]."""
     if isinstance(inputs, SparseInput):
         return inputs.times(*layer)
     return torch.baddbmm(layer.bias, inputs, layer.weight)

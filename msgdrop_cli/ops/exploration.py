@@ -1,4 +1,4 @@
-"""Epsilon-greedy actions (paper l. 201-203) and the schedule of epsilon (l. 752)."""
+"""Epsilon-greedy actions (paper l. 201-203) and the schedule of epsilon (l. 753)."""
 
 import torch
 from torch import Tensor

@@ -1,4 +1,4 @@
-"""Broken links at execution (paper l. 560-580): both directions of a link break together."""
+"""Broken links at execution (paper l. 520-540): both directions of a link break together."""
 
 from itertools import combinations
 

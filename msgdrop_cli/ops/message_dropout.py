@@ -1,7 +1,7 @@
 """Message-dropout itself (paper l. 167-250): who is dropped, and what is left of the messages.
 
 Masks are *keep* masks, 1 = it passes. `rate` is the probability of *dropping*; the paper's
-"b ~ Bernoulli(p)" (l. 241) can only be meant as b = 0 with probability p (l. 173, l. 262).
+"b ~ Bernoulli(p)" (l. 241) can only be meant as b = 0 with probability p (l. 173, l. 262-263).
 Letters: `R` runs, `N` agents, `G = R*N`, `S` senders, `B` batch, `M` one message.
 """
 
@@ -33,7 +33,7 @@ def apply_keep(blocks: Tensor, keep: Tensor, out: Tensor | None = None) -> Tenso
 
 
 def execution_scale(rate: Tensor, senders: int, *, drops_own: bool) -> Tensor:
-    """The factors of Q_exec: own block 1, every message 1 - rate (paper l. 174, 248).
+    """The factors of Q_exec: own block 1, every message 1 - rate (paper l. 173, 248).
 
     The paper multiplies the *outgoing weights* of the dropped units by 1 - p. For a linear layer
     that is the same as multiplying the inputs, the bias untouched (test_scaling_inputs_is_

@@ -10,7 +10,7 @@ import math
 import os
 import stat
 import tempfile
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
@@ -29,7 +29,16 @@ def write_json_atomic(path: Path, value: Any, *, durable: bool = True) -> None:
     `durable=False` leaves out the fsyncs: for what is only shown to people.
     Raises RecordError (74), the old file intact; ValueError for NaN, a mistake of the caller.
     """
-    text = json.dumps(value, indent=2, allow_nan=False) + "\n"
+    _write_atomic(path, json.dumps(value, indent=2, allow_nan=False) + "\n", durable=durable)
+
+
+def write_jsonl_atomic(path: Path, rows: Iterable[Mapping[str, Any]]) -> None:
+    """Replaces the log `path` by these rows, as `write_json_atomic` does."""
+    lines = (json.dumps(row, allow_nan=False) + "\n" for row in rows)
+    _write_atomic(path, "".join(lines), durable=True)
+
+
+def _write_atomic(path: Path, text: str, *, durable: bool) -> None:
     temporary: Path | None = None
     try:
         handle, name = tempfile.mkstemp(prefix=_TEMPORARY, dir=path.parent)

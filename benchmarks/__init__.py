@@ -1,0 +1,1 @@
+"""What it costs, against what: `python -m benchmarks.throughput`."""

@@ -1,0 +1,205 @@
+"""One game of any environment as a PettingZoo `ParallelEnv`, to play with, to watch, to reuse.
+
+Needs the extra `pettingzoo`. Training never comes here: it plays batches of games directly. What
+belongs to one environment (names, plain positions, pictures) stands in that environment's view.
+"""
+
+from collections.abc import Mapping
+from dataclasses import fields
+from difflib import get_close_matches
+from operator import index
+from typing import Any, Protocol
+
+import torch
+from torch import Tensor
+
+from msgdrop_envs import registry
+from msgdrop_envs.protocol import Environment
+
+try:
+    import numpy as np
+    from gymnasium.spaces import Box, Discrete
+    from pettingzoo import ParallelEnv
+except ImportError as error:
+    raise ImportError(f"{error}; run: pip install 'msgdrop[pettingzoo]'") from error
+
+RENDER_MODES = ("rgb_array", "ansi")
+ByAgent = dict[str, Any]
+
+
+class View(Protocol):
+    """One game without batch dimensions, for people; its states are the environment's own."""
+
+    version: int
+    """Bumped with every change of dynamics, reward or observation."""
+    agent_names: tuple[str, ...]
+    observation_bounds: tuple[float, float]
+    """The least and the largest number that an observation can hold."""
+
+    def state_from_dict(self, given: Any) -> Any:
+        """Read a state from plain lists and numbers; ValueError where it is none."""
+
+    def state_to_dict(self, state: Any) -> dict[str, Any]:
+        """Write a state as `state_from_dict` reads it."""
+
+    def render_rgb(self, state: Any) -> Tensor:
+        """A picture [height, width, 3] uint8."""
+
+    def render_text(self, state: Any) -> str:
+        """A few lines of text."""
+
+
+class ViewedEnvironment(Environment, Protocol):
+    """An environment that one can look at."""
+
+    def view(self) -> View:
+        """How its games are named, written down and drawn."""
+
+
+def parallel_env(name: Any, render_mode: str | None = None) -> "ParallelGame":
+    """One game, e.g. `parallel_env("pursuit-n6")`; `name` may also be an environment's Config.
+
+    render_mode: "rgb_array", "ansi" or None. Raises: ValueError for an unknown name or mode.
+    """
+    settings = registry.settings()
+    if isinstance(name, str) and name not in settings:
+        near = get_close_matches(name, settings, 1)
+        hint = f"did you mean {near[0]!r}?" if near else f"known: {', '.join(sorted(settings))}"
+        raise ValueError(f"unknown environment {name!r}; {hint}")
+    if render_mode not in (None, *RENDER_MODES):
+        raise ValueError(f"render_mode must be one of {RENDER_MODES} or None, not {render_mode!r}")
+    environment: Any = registry.make(name)
+    title = name if isinstance(name, str) else type(name).__module__.rsplit(".", 1)[-1]
+    return ParallelGame(environment, title, render_mode)
+
+
+class ParallelGame(ParallelEnv):  # type: ignore[misc]  # it ships no types
+    """One game; `reset(seed)` seeds a NumPy generator, from which every later number is drawn."""
+
+    def __init__(
+        self, environment: ViewedEnvironment, title: str, render_mode: str | None = None
+    ) -> None:
+        self._env, self._view = environment, environment.view()
+        self.render_mode = render_mode
+        self.metadata = {
+            "name": f"{title.replace('-', '_')}_v{self._view.version}",
+            "render_modes": list(RENDER_MODES),
+            "render_fps": 5,
+            "is_parallelizable": True,
+        }
+        self.possible_agents = list(self._view.agent_names)
+        self.agents: list[str] = []
+        low, high = self._view.observation_bounds
+        shape = (environment.observation_size,)
+        dtype = torch.empty(0, dtype=environment.observation_dtype).numpy().dtype
+        self.observation_spaces = {
+            agent: Box(low, high, shape, dtype.type) for agent in self.possible_agents
+        }
+        self.action_spaces = {
+            agent: Discrete(environment.actions) for agent in self.possible_agents
+        }
+        self._rng = np.random.default_rng()
+        self._state: Any = None
+        self._elapsed = 0
+
+    def observation_space(self, agent: str) -> Box:
+        """What this agent may see: a flat vector, as the networks get it."""
+        return self.observation_spaces[agent]
+
+    def action_space(self, agent: str) -> Discrete:
+        """What this agent may do."""
+        return self.action_spaces[agent]
+
+    def reset(
+        self, seed: int | None = None, options: Mapping[str, Any] | None = None
+    ) -> tuple[ByAgent, dict[str, ByAgent]]:
+        """Begin a game, at random or from `options["state"]` as `state_dict()` writes it.
+
+        With a seed everything from here on repeats; without, the generator goes on.
+        Raises: ValueError for a state that this game cannot be in.
+        """
+        given = (options or {}).get("state")
+        state = None if given is None else self._view.state_from_dict(given)
+        if seed is not None:
+            self._rng = np.random.default_rng(seed)
+        # Drawn even if a state is given: the rest of the game then has the same random numbers.
+        fresh = self._env.reset(self._uniforms(self._env.reset_uniforms))
+        self._state = fresh if state is None else state
+        self._elapsed = 0
+        self.agents = list(self.possible_agents)
+        return self._by_agent(self._env.observe(self._state).numpy()), {a: {} for a in self.agents}
+
+    def step(
+        self, actions: Mapping[str, Any]
+    ) -> tuple[ByAgent, ByAgent, ByAgent, ByAgent, dict[str, ByAgent]]:
+        """Play one step: observations, rewards, terminations, truncations, infos.
+
+        A true end terminates all agents, the time limit truncates them. Each info holds the counts
+        of the whole game in this step. Raises: ValueError for missing, unknown or wrong actions.
+        """
+        if not self.agents:
+            self._require_state()
+            return {}, {}, {}, {}, {}
+        self._state, transition = self._env.step(
+            self._state, self._actions(actions), self._uniforms(self._env.step_uniforms)
+        )
+        self._elapsed += 1
+        terminated = bool(transition.ended)
+        truncated = not terminated and self._elapsed >= self._env.time_limit
+        counts = {name: float(count) for name, count in transition.info.items()}
+        result = (
+            self._by_agent(transition.obs.numpy()),
+            dict(zip(self.agents, transition.reward.tolist(), strict=True)),
+            dict.fromkeys(self.agents, terminated),
+            dict.fromkeys(self.agents, truncated),
+            {agent: dict(counts) for agent in self.agents},
+        )
+        if terminated or truncated:
+            self.agents = []
+        return result
+
+    def state_dict(self) -> dict[str, Any]:
+        """The position as plain lists and numbers; `reset(options={"state": ...})` takes it."""
+        return self._view.state_to_dict(self._require_state())
+
+    def state(self) -> np.ndarray[Any, Any]:
+        """Everything there is, the fields of the environment's State in order: [S] float32."""
+        state = self._require_state()
+        parts = [getattr(state, field.name).reshape(-1) for field in fields(state)]
+        return torch.cat([part.to(torch.float32) for part in parts]).numpy()
+
+    def render(self) -> np.ndarray[Any, Any] | str | None:
+        """The picture [height, width, 3] uint8 or the text that `render_mode` asks for."""
+        state = self._require_state()
+        if self.render_mode == "rgb_array":
+            picture: np.ndarray[Any, Any] = self._view.render_rgb(state).numpy()
+            return picture
+        return self._view.render_text(state) if self.render_mode == "ansi" else None
+
+    def close(self) -> None:
+        """Nothing is held open."""
+
+    def _require_state(self) -> Any:
+        if self._state is None:
+            raise RuntimeError("no game has begun; call reset() first")
+        return self._state
+
+    def _uniforms(self, count: int) -> Tensor:
+        return torch.from_numpy(self._rng.random(count, dtype=np.float32))
+
+    def _by_agent(self, rows: np.ndarray[Any, Any]) -> ByAgent:
+        return dict(zip(self.possible_agents, rows, strict=True))
+
+    def _actions(self, actions: Mapping[str, Any]) -> Tensor:
+        if set(actions) != set(self.agents):
+            raise ValueError(f"actions are needed for exactly {self.agents}, not {list(actions)}")
+        numbers = []
+        for agent in self.agents:
+            try:
+                number = index(actions[agent])
+            except TypeError:
+                raise ValueError(f"{agent}: {actions[agent]!r} is not an action number") from None
+            if not 0 <= number < self._env.actions:
+                raise ValueError(f"{agent}: action {number} is not in 0..{self._env.actions - 1}")
+            numbers.append(number)
+        return torch.tensor(numbers)

@@ -1,0 +1,115 @@
+"""Learning curves from the windows of `metrics.jsonl`, for runs that are done.
+
+A window says what the acting (exploring) policy did in training since the row before it.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from msgdrop_cli.analysis.statistics import Interval, bootstrap_band, mean
+from msgdrop_cli.errors import RecordError
+from msgdrop_cli.records.store import RunRecord
+
+SMOOTHING_SHARE = 0.05
+"""Width of the moving mean as a share of the run's env steps."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Curve:
+    """The seeds' smoothed curves of one arm on their common grid; every list is [points]."""
+
+    env_steps: list[int]
+    by_seed: Mapping[int, list[float]]
+    mean: list[float]
+    band: list[Interval] | None
+    """95% bootstrap interval of the mean, for two seeds just lowest to highest; None for one."""
+
+
+class Window(NamedTuple):
+    """One row of the log that has a value."""
+
+    env_steps: int
+    """Env steps of the run at the window's end."""
+    length: int
+    """Env steps in the window: its weight in every mean."""
+    value: float
+
+
+def learning_curve(
+    records: Sequence[RunRecord], metric: str, *, bootstrap_seed: int
+) -> Curve | None:
+    """The mean curve of one arm's runs, and its band; None when no env step is common to all seeds.
+
+    metric: a key of `metrics.jsonl`.
+    """
+    smoothed = {record.seed: _smooth(_windows(record, metric)) for record in records}
+    grid = sorted(set.intersection(*map(set, smoothed.values()))) if smoothed else []
+    if not grid:
+        return None
+    by_seed = {seed: [points[step] for step in grid] for seed, points in smoothed.items()}
+    return Curve(
+        env_steps=grid,
+        by_seed=by_seed,
+        mean=[mean(column) for column in zip(*by_seed.values(), strict=True)],
+        band=_band(list(by_seed.values()), bootstrap_seed),
+    )
+
+
+def learning_mean(record: RunRecord, metric: str) -> float | None:
+    """The mean of the metric over the whole training of one run: high for who learns early.
+
+    Windows weigh their env steps, so a per-step rate such as catches per 500 is exact. None when
+    the log has no value of this metric.
+    """
+    windows = _windows(record, metric)
+    return _weighted_mean(windows) if windows else None
+
+
+def _windows(record: RunRecord, metric: str) -> list[Window]:
+    """The windows with a value, in order; a null (nothing happened to be measured) is left out."""
+    windows, start = [], 0
+    try:
+        for row in record.metrics():
+            end, value = int(row["env_steps"]), row.get(metric)
+            if end <= start:
+                raise RecordError(
+                    f"{record.path / 'metrics.jsonl'}: env_steps {end} does not follow {start}"
+                )
+            if value is not None:
+                windows.append(Window(end, end - start, float(value)))
+            start = end
+    except (KeyError, TypeError, ValueError) as error:
+        raise RecordError(
+            f"{record.path / 'metrics.jsonl'}: env_steps or {metric} is not a number ({error!r})"
+        ) from error
+    return windows
+
+
+def _smooth(windows: Sequence[Window]) -> dict[int, float]:
+    """Centred moving mean over SMOOTHING_SHARE of the run, narrower at both ends; by env step."""
+    if not windows:
+        return {}
+    reach = SMOOTHING_SHARE * windows[-1].env_steps / 2.0
+    first, last = 0, 0
+    smoothed = {}
+    for window in windows:
+        while windows[first].env_steps < window.env_steps - reach:
+            first += 1
+        while last < len(windows) and windows[last].env_steps <= window.env_steps + reach:
+            last += 1
+        smoothed[window.env_steps] = _weighted_mean(windows[first:last])
+    return smoothed
+
+
+def _weighted_mean(windows: Sequence[Window]) -> float:
+    weight = sum(window.length for window in windows)
+    return sum(window.length * window.value for window in windows) / weight
+
+
+def _band(curves: list[list[float]], bootstrap_seed: int) -> list[Interval] | None:
+    import numpy as np
+
+    if len(curves) == 1:
+        return None
+    return bootstrap_band(curves, np.random.default_rng(bootstrap_seed))

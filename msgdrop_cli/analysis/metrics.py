@@ -1,0 +1,100 @@
+"""What is measured in an evaluation: formulas that every record brings along from its environment.
+
+A metric is a ratio of sums over raw episodes (rows of `episodes.jsonl`), no mean of ratios, so
+that a long episode weighs what it lasts.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Literal
+
+from msgdrop_cli.definition.strict import Where, build
+from msgdrop_cli.errors import DefinitionError, RecordError
+from msgdrop_cli.records.store import RunRecord
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Metric:
+    """`scale` x (sum of `count` over episodes) / (sum of `per`); as the environment declares it."""
+
+    name: str
+    """Its key in `metrics.jsonl`, in claims and in JSON output."""
+    count: str
+    """Key of the episode rows that is summed above the line."""
+    per: str
+    """Key that is summed below the line; `episodes` counts them."""
+    scale: float
+    better: Literal["higher", "lower"]
+    meaning: str
+
+    @property
+    def label(self) -> str:
+        """What people read on an axis or over a column."""
+        return self.name.replace("_", " ")
+
+    @property
+    def formula(self) -> str:
+        """The formula in words, for captions."""
+        factor = "" if self.scale == 1.0 else f"{self.scale:g} x "
+        return f"{factor}{self.count} / {self.per} ({self.meaning})"
+
+    @property
+    def higher_is_better(self) -> bool:
+        """Whether more of it is what the agents want."""
+        return self.better == "higher"
+
+    def value(self, episodes: Sequence[Mapping[str, Any]]) -> float:
+        """The metric over these episodes.
+
+        Raises KeyError, TypeError or ZeroDivisionError on rows of another environment.
+        """
+        total = sum(row[self.count] for row in episodes)
+        below = len(episodes) if self.per == "episodes" else sum(row[self.per] for row in episodes)
+        return self.scale * float(total) / float(below)
+
+
+@dataclass(frozen=True, slots=True)
+class Metrics:
+    """The metrics of one environment; the first is the headline."""
+
+    all: tuple[Metric, ...]
+
+    @property
+    def headline(self) -> Metric:
+        """The one metric that learning curves and first columns show."""
+        return self.all[0]
+
+    def find(self, name: str) -> Metric | None:
+        """The metric of this name, or None."""
+        return next((metric for metric in self.all if metric.name == name), None)
+
+
+UNKNOWN = Metrics(
+    (
+        Metric(
+            name="return_per_episode",
+            count="return",
+            per="episodes",
+            scale=1.0,
+            better="higher",
+            meaning="reward summed over agents and steps",
+        ),
+    )
+)
+"""For runs that never began: they have no formulas yet, and nothing to measure."""
+
+
+def metrics_of(record: RunRecord) -> Metrics:
+    """The formulas in a run's record; RecordError if they are not readable."""
+    table = record.run.get("metrics")
+    if not table:
+        return UNKNOWN
+    where = Where(str(record.path / "run.json")).at("metrics")
+    try:
+        return Metrics(
+            tuple(
+                build(Metric, {**row, "name": name}, where.at(name)) for name, row in table.items()
+            )
+        )
+    except (DefinitionError, AttributeError, TypeError) as error:
+        raise RecordError(str(error)) from error

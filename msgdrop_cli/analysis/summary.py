@@ -1,0 +1,267 @@
+"""Runs sorted into arms, and one row of numbers per arm, broken links and metric.
+
+An arm is one variant under one set-up: runs that differ in anything but the seed (training length,
+profile, an override) never share an arm, whatever their variant is called. Only `done` runs are
+measured; failed and diverged ones are counted beside them.
+"""
+
+import json
+from collections import defaultdict
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, fields
+from typing import Any, NamedTuple
+
+from msgdrop_cli.analysis.metrics import UNKNOWN, Metric, Metrics, metrics_of
+from msgdrop_cli.analysis.statistics import (
+    Interval,
+    bootstrap_interval,
+    interquartile_mean,
+    mean,
+)
+from msgdrop_cli.definition.spec import TrainingSpec
+from msgdrop_cli.errors import RecordError
+from msgdrop_cli.records.store import RunRecord
+
+BOOTSTRAP_SEED = 20190127
+"""Seed of every bootstrap, so that the same records give the same interval (ours)."""
+
+
+class Group(NamedTuple):
+    """What two arms must share before they may be compared."""
+
+    environment: str
+    train_env_steps: int
+    profile: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Row:
+    """One metric of one arm, with `broken_links` (0 to 1) of the links broken in the evaluation."""
+
+    metric: str
+    broken_links: float
+    by_seed: Mapping[int, float]
+    """Value of each seed, in order of the seeds."""
+    mean: float
+    iqm: float
+    interval: Interval | None
+    """95% bootstrap interval of the mean over seeds; None for one seed."""
+    episodes: int
+    """Evaluation episodes of each seed (the smallest number, if they differ)."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Arm:
+    """The runs of one variant under one set-up, and what their evaluations say."""
+
+    group: Group
+    variant: str
+    label: str
+    """For people; names the fields that differ where a variant has several set-ups in a group."""
+    setup: Mapping[str, Any]
+    """The spec of its runs without the seed and without cosmetic fields."""
+    done: tuple[RunRecord, ...]
+    """Finished runs in order of their seeds."""
+    failed: int
+    diverged: int
+    unfinished: int
+    """Planned, running or interrupted runs."""
+    metrics: Metrics
+    """The formulas of its environment, the headline first."""
+    rows: tuple[Row, ...]
+
+    def row(self, metric: str, broken_links: float = 0.0) -> Row | None:
+        """The row of this metric and fraction of broken links, or None if nothing was evaluated."""
+        wanted = (metric, broken_links)
+        return next((row for row in self.rows if (row.metric, row.broken_links) == wanted), None)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Summary:
+    """All arms: sorted by group, then in the order that was asked for."""
+
+    arms: tuple[Arm, ...]
+    bootstrap_seed: int
+
+    @property
+    def groups(self) -> tuple[Group, ...]:
+        """Every group once, sorted."""
+        return tuple(sorted({arm.group for arm in self.arms}))
+
+    def metrics(self, environment: str) -> Metrics:
+        """The formulas of an environment, from the first arm that has been measured."""
+        known = [arm.metrics for arm in self.arms if arm.group.environment == environment]
+        return next((metrics for metrics in known if metrics is not UNKNOWN), UNKNOWN)
+
+    def arms_of(self, group: Group) -> tuple[Arm, ...]:
+        """The arms that may be compared with each other."""
+        return tuple(arm for arm in self.arms if arm.group == group)
+
+    def to_json(self) -> list[dict[str, Any]]:
+        """One flat, JSON-ready table: a line per arm, broken links and metric (`--json`)."""
+        return [line for arm in self.arms for line in _json_lines(arm)]
+
+
+def summarise(
+    records: Sequence[RunRecord],
+    *,
+    order: Sequence[str] = (),
+    bootstrap_seed: int = BOOTSTRAP_SEED,
+) -> Summary:
+    """Sort runs into arms and measure them.
+
+    order: variants to put first, in this order; the rest follows by name. A run that is in the
+    records twice (published and local) counts once. Raises RecordError for unreadable rows.
+    """
+    runs: dict[tuple[Group, str, str], list[RunRecord]] = defaultdict(list)
+    for record in _once_each(records):
+        runs[_group(record), record.variant, _setup(record)].append(record)
+    setups: dict[tuple[Group, str], list[str]] = defaultdict(list)
+    for group, variant, setup in sorted(runs):
+        setups[group, variant].append(setup)
+    ranks = {variant: rank for rank, variant in enumerate(order)}
+    keys = sorted(runs, key=lambda key: (key[0], ranks.get(key[1], len(ranks)), *key[1:]))
+    arms = (
+        _arm(key[0], runs[key], _differences(key[2], setups[key[:2]]), bootstrap_seed)
+        for key in keys
+    )
+    return Summary(arms=tuple(arms), bootstrap_seed=bootstrap_seed)
+
+
+def _once_each(records: Iterable[RunRecord]) -> list[RunRecord]:
+    chosen: dict[tuple[str, str, str], RunRecord] = {}
+    for record in records:
+        key = (record.run_id, record.variant, record.profile)
+        if key not in chosen or record.status == "done" != chosen[key].status:
+            chosen[key] = record
+    return sorted(chosen.values(), key=lambda record: (record.seed, record.run_id))
+
+
+def _group(record: RunRecord) -> Group:
+    spec = record.spec
+    tables = [spec.get(name) for name in ("environment", "algorithm", "training")]
+    length = spec["training"].get("train_env_steps") if isinstance(tables[2], dict) else None
+    if not all(isinstance(table, dict) for table in tables) or type(length) is not int:
+        raise RecordError(
+            f"{record.path / 'run.json'}: spec needs tables environment, algorithm and training "
+            "with a whole number train_env_steps"
+        )
+    return Group(record.environment, length, record.profile)
+
+
+def _setup(record: RunRecord) -> str:
+    """Everything of the spec that can change a result, but the seed: canonical JSON."""
+    cosmetic = {field.name for field in fields(TrainingSpec) if field.metadata.get("cosmetic")}
+    training = {k: v for k, v in record.spec["training"].items() if k not in cosmetic}
+    spec = {k: v for k, v in record.spec.items() if k != "seed"} | {"training": training}
+    return json.dumps(spec, sort_keys=True)
+
+
+def _differences(setup: str, setups: Sequence[str]) -> str:
+    """The fields in which one set-up of a variant differs from the others, as ` (a.b=1)`."""
+    leaves = [dict(_leaves(json.loads(each))) for each in setups]
+    mine = dict(_leaves(json.loads(setup)))
+    differing = [key for key in mine if len({str(other.get(key)) for other in leaves}) > 1]
+    return f" ({', '.join(f'{key}={mine[key]}' for key in differing)})" if differing else ""
+
+
+def _leaves(table: Mapping[str, Any], prefix: str = "") -> Iterable[tuple[str, Any]]:
+    for key, value in table.items():
+        if isinstance(value, dict):
+            yield from _leaves(value, f"{prefix}{key}.")
+        else:
+            yield f"{prefix}{key}", value
+
+
+def _arm(group: Group, runs: list[RunRecord], suffix: str, bootstrap_seed: int) -> Arm:
+    done = tuple(run for run in runs if run.status == "done")
+    failed = sum(run.status == "failed" for run in runs)
+    diverged = sum(run.status == "diverged" for run in runs)
+    metrics = metrics_of((done or runs)[0])
+    return Arm(
+        group=group,
+        variant=runs[0].variant,
+        label=runs[0].label + suffix,
+        setup=json.loads(_setup(runs[0])),
+        done=done,
+        failed=failed,
+        diverged=diverged,
+        unfinished=len(runs) - len(done) - failed - diverged,
+        metrics=metrics,
+        rows=tuple(_rows(done, metrics.all, bootstrap_seed)),
+    )
+
+
+def _rows(
+    done: Sequence[RunRecord], metrics: Sequence[Metric], bootstrap_seed: int
+) -> Iterable[Row]:
+    import numpy as np
+
+    evaluations: dict[float, dict[int, _Evaluation]] = defaultdict(dict)
+    for record in done:
+        for broken_links, evaluation in _evaluations(record, metrics).items():
+            evaluations[broken_links][record.seed] = evaluation
+    for broken_links, seeds in sorted(evaluations.items()):
+        for metric in metrics:
+            by_seed = {seed: evaluation.values[metric.name] for seed, evaluation in seeds.items()}
+            values = list(by_seed.values())
+            # A generator of its own for each row: an interval must not depend on its neighbours.
+            rng = np.random.default_rng(bootstrap_seed)
+            yield Row(
+                metric=metric.name,
+                broken_links=broken_links,
+                by_seed=by_seed,
+                mean=mean(values),
+                iqm=interquartile_mean(values),
+                interval=bootstrap_interval(values, rng),
+                episodes=min(evaluation.episodes for evaluation in seeds.values()),
+            )
+
+
+class _Evaluation(NamedTuple):
+    """One run under one fraction of broken links."""
+
+    episodes: int
+    values: Mapping[str, float]
+
+
+def _evaluations(record: RunRecord, metrics: Sequence[Metric]) -> dict[float, _Evaluation]:
+    by_links: dict[float, list[Mapping[str, Any]]] = defaultdict(list)
+    try:
+        for row in record.episodes():
+            by_links[float(row["broken_links"])].append(row)
+        return {
+            broken_links: _Evaluation(len(rows), {each.name: each.value(rows) for each in metrics})
+            for broken_links, rows in by_links.items()
+        }
+    except (KeyError, TypeError, ValueError, ZeroDivisionError) as error:
+        raise RecordError(
+            f"{record.path / 'episodes.jsonl'}: an episode's row is not readable ({error!r}); "
+            "evaluate this run again"
+        ) from error
+
+
+def _json_lines(arm: Arm) -> Iterable[dict[str, Any]]:
+    about = {
+        **arm.group._asdict(),
+        "variant": arm.variant,
+        "label": arm.label,
+        "done": len(arm.done),
+        "failed": arm.failed,
+        "diverged": arm.diverged,
+        "unfinished": arm.unfinished,
+    }
+    for row in arm.rows:
+        yield about | {
+            "broken_links": row.broken_links,
+            "metric": row.metric,
+            "seeds": len(row.by_seed),
+            "by_seed": {str(seed): value for seed, value in row.by_seed.items()},
+            "mean": row.mean,
+            "iqm": row.iqm,
+            "low": row.interval.low if row.interval else None,
+            "high": row.interval.high if row.interval else None,
+            "episodes": row.episodes,
+        }
+    if not arm.rows:
+        yield about | {"broken_links": None, "metric": None, "seeds": 0}

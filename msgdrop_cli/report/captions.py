@@ -1,0 +1,50 @@
+"""The words around a figure: what it was made from and how its marks are to be read."""
+
+from collections.abc import Sequence
+
+from msgdrop_cli.analysis.summary import Arm, Group, Summary
+
+
+def scale(group: Group) -> str:
+    """What no number may be shown without: environment, training length, profile."""
+    return f"{group.environment}, {group.train_env_steps:,} env steps, {group.profile} profile"
+
+
+def footer(summary: Summary, group: Group, arms: Sequence[Arm], measure: str) -> str:
+    """What the drawn arms of a group were made from, then how their numbers are to be read."""
+    seeds = {tuple(record.seed for record in arm.done) for arm in arms}
+    counts = sorted({len(each) for each in seeds})
+    if len(seeds) == 1:
+        shown = f"seed{'s' * (counts[0] > 1)} {_numbers(*seeds)}"
+    else:
+        shown = f"{counts[0]} to {counts[-1]} seeds a variant"
+    lost = sum(arm.failed + arm.diverged for arm in summary.arms_of(group))
+    commits = sorted({str(run.run.get("commit") or "?")[:7] for arm in arms for run in arm.done})
+    facts = [
+        group.environment,
+        f"profile {group.profile}",
+        f"{group.train_env_steps:,} env steps a run",
+        shown,
+        *([f"{lost} failed or diverged runs left out"] if lost else []),
+        f"commit{'s' * (len(commits) > 1)} {', '.join(commits)}",
+    ]
+    return " · ".join(facts) + "\n" + measure
+
+
+def _numbers(numbers: Sequence[int]) -> str:
+    """`1 to 7` for a run of at least three, else all of them."""
+    if len(numbers) > 2 and numbers[-1] - numbers[0] == len(numbers) - 1:
+        return f"{numbers[0]} to {numbers[-1]}"
+    return ", ".join(map(str, numbers))
+
+
+def spread_note(seeds: set[int], mean_mark: str, spread_mark: str) -> str:
+    """What the marks mean for these numbers of seeds."""
+    notes = []
+    if max(seeds) >= 3:
+        notes.append(f"{spread_mark}: 95% bootstrap interval of the mean")
+    if 2 in seeds:
+        notes.append(f"{spread_mark}: lowest to highest (2 seeds)")
+    if 1 in seeds:
+        notes.append(f"1 seed: no {spread_mark}")
+    return f"{mean_mark.capitalize()}: mean over seeds; {'; '.join(notes)}."

@@ -1,0 +1,194 @@
+"""Summaries and verdicts as tables of text, for the terminal and for Markdown; prints nothing.
+
+Every caption carries environment, profile, training length and seeds, so that no number is taken
+for one of another scale.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from msgdrop_cli.analysis.claims import MINIMUM_SEEDS, Verdict
+from msgdrop_cli.analysis.metrics import Metric
+from msgdrop_cli.analysis.statistics import Interval
+from msgdrop_cli.analysis.summary import Arm, Group, Row, Summary
+
+NOTHING = "\u2013"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Table:
+    """Plain text cells; every row is as long as the headers."""
+
+    title: str
+    headers: tuple[str, ...]
+    rows: tuple[tuple[str, ...], ...]
+    caption: str
+
+
+def results_table(summary: Summary, group: Group, broken_links: float = 0.0) -> Table:
+    """The arms of one group after training: seeds, headline with interval, IQM, other metrics."""
+    metrics = summary.metrics(group.environment)
+    others = metrics.all[1:]
+    arms = summary.arms_of(group)
+    rows = [
+        (
+            arm.label,
+            seeds_text(arm),
+            _estimate(row := arm.row(metrics.headline.name, broken_links)),
+            _number(row.iqm) if row else NOTHING,
+            *(_mean(arm.row(each.name, broken_links)) for each in others),
+        )
+        for arm in arms
+    ]
+    episodes = {
+        row.episodes for arm in arms for row in arm.rows if row.broken_links == broken_links
+    }
+    evaluation = (
+        f"{_span(episodes)} greedy evaluation episodes per seed, {links_text(broken_links)} of the "
+        f"links broken"
+        if episodes
+        else "not evaluated yet"
+    )
+    return Table(
+        title=f"{group.environment} after {group.train_env_steps:,} env steps ({group.profile})",
+        headers=(
+            "variant",
+            "seeds",
+            f"{metrics.headline.label} [95% interval]",
+            "IQM",
+            *(each.label for each in others),
+        ),
+        rows=tuple(rows),
+        caption=f"{_about(group)}; {evaluation}. {_headline_note(metrics.headline)}",
+    )
+
+
+def broken_links_table(summary: Summary, group: Group) -> Table:
+    """The headline of every arm of one group for each evaluated fraction of broken links."""
+    headline = summary.metrics(group.environment).headline
+    arms = summary.arms_of(group)
+    fractions = sorted({row.broken_links for arm in arms for row in arm.rows})
+    rows = [
+        (
+            arm.label,
+            seeds_text(arm),
+            *(_estimate(arm.row(headline.name, fraction)) for fraction in fractions),
+        )
+        for arm in arms
+    ]
+    return Table(
+        title=f"Broken links, {group.environment} ({group.profile})",
+        headers=("variant", "seeds", *(f"{links_text(each)} broken" for each in fractions)),
+        rows=tuple(rows),
+        caption=f"{headline.label} [95% interval]; {_about(group)}. {_headline_note(headline)}",
+    )
+
+
+def claims_table(verdicts: Sequence[Verdict]) -> Table:
+    """Each claim, where it was tested, the difference with its interval, the verdict and why."""
+    rows = []
+    for verdict in verdicts:
+        group = verdict.group
+        rows.append(
+            (
+                f"{verdict.claim.says} ({verdict.claim.source})",
+                f"{group.environment}, {group.train_env_steps:,} env steps, {group.profile}"
+                if group
+                else verdict.claim.environment,
+                _compared(verdict),
+                _with_interval(verdict.difference, _interval(verdict)),
+                verdict.verdict,
+                verdict.reason,
+            )
+        )
+    return Table(
+        title="Claims",
+        headers=("claim", "tested on", "compared", "difference [95% interval]", "verdict", "why"),
+        rows=tuple(rows),
+        caption="A difference above 0 speaks for the claim; its interval is a bootstrap over "
+        "seeds, by pairs where both variants have the same seeds. "
+        f"Below {MINIMUM_SEEDS} seeds a claim stays undecided.",
+    )
+
+
+def to_markdown(table: Table) -> str:
+    """The table as GitHub Markdown: heading, grid, caption; no text can break out of its cell."""
+    lines = [table.headers, tuple("---" for _ in table.headers), *table.rows]
+    grid = "\n".join("| " + " | ".join(map(_escape, line)) + " |" for line in lines)
+    return f"### {_escape(table.title)}\n\n{grid}\n\n{_escape(table.caption)}\n"
+
+
+def seeds_text(arm: Arm) -> str:
+    """How many seeds count, and what became of the others: `3 (1 diverged)`."""
+    counts = {"failed": arm.failed, "diverged": arm.diverged, "unfinished": arm.unfinished}
+    lost = ", ".join(f"{count} {word}" for word, count in counts.items() if count)
+    return f"{len(arm.done)} ({lost})" if lost else str(len(arm.done))
+
+
+def links_text(fraction: float) -> str:
+    """A fraction of links in words: none, half, all, or percent."""
+    return {0.0: "none", 0.5: "half", 1.0: "all"}.get(fraction, f"{100 * fraction:g}%")
+
+
+def _compared(verdict: Verdict) -> str:
+    claim = verdict.claim
+    label = claim.metric.replace("_", " ")
+    when = "over training" if claim.measure == "learning" else "after training"
+    links = f", {links_text(claim.broken_links)} broken" if claim.broken_links else ""
+    return f"{claim.better} against {claim.worse}: {label} {when}{links}"
+
+
+def _interval(verdict: Verdict) -> Interval | None:
+    if verdict.low is None or verdict.high is None:
+        return None
+    return Interval(verdict.low, verdict.high)
+
+
+def _estimate(row: Row | None) -> str:
+    return _with_interval(row.mean, row.interval) if row else NOTHING
+
+
+def _mean(row: Row | None) -> str:
+    return _number(row.mean) if row else NOTHING
+
+
+def _with_interval(value: float | None, interval: Interval | None) -> str:
+    """`10.2 [9.8, 10.6]`; the interval of a single seed is a dash."""
+    if value is None:
+        return NOTHING
+    if interval is None:
+        return f"{_number(value)} [{NOTHING}]"
+    size = max(abs(value), abs(interval.low), abs(interval.high))
+    low, high = (_number(end, size) for end in interval)
+    return f"{_number(value, size)} [{low}, {high}]"
+
+
+def _number(value: float, size: float | None = None) -> str:
+    """As many decimals as a number of this size deserves, and no minus before a zero."""
+    size = abs(value) if size is None else size
+    text = f"{value:,.{0 if size >= 100 else 1 if size >= 10 else 2}f}"
+    return text.removeprefix("-") if not any(c in "123456789" for c in text) else text
+
+
+def _span(numbers: set[int]) -> str:
+    low, high = min(numbers), max(numbers)
+    return f"{low:,}" if low == high else f"{low:,} to {high:,}"
+
+
+def _about(group: Group) -> str:
+    return (
+        f"{group.environment}, profile {group.profile}, {group.train_env_steps:,} env steps a run"
+    )
+
+
+def _headline_note(metric: Metric) -> str:
+    return (
+        f"{metric.label} = {metric.formula}. Mean over seeds with 95% bootstrap interval "
+        "(2 seeds: lowest to highest); failed and diverged runs have no value and are counted."
+    )
+
+
+def _escape(text: str) -> str:
+    for character, safe in {"&": "&amp;", "<": "&lt;", ">": "&gt;", "|": "\\|"}.items():
+        text = text.replace(character, safe)
+    return " ".join(text.split())

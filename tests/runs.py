@@ -1,0 +1,61 @@
+"""Tiny but real runs for the tests of the engine: the paper's shapes, few steps."""
+
+import hashlib
+import json
+from dataclasses import replace
+from pathlib import Path
+
+from msgdrop_cli.definition.run_id import run_id
+from msgdrop_cli.definition.spec import PlannedRun, RunSpec, TrainingSpec
+from msgdrop_cli.engine.catalogue import catalogue
+
+
+def planned(
+    algorithm: str = "dcc-md",
+    *,
+    seed: int = 1,
+    environment: str = "pursuit-n6",
+    time_limit: int = 60,
+    train_env_steps: int = 480,
+    checkpoint_every_env_steps: int = 160,
+    **config: object,
+) -> PlannedRun:
+    """A run of a few hundred env steps that learns, wraps its replay round and cuts episodes."""
+    known = catalogue()
+    named = known.algorithm(algorithm)
+    settings = {
+        "replay_capacity": 200,
+        "replay_start_env_steps": 100,
+        "target_update_every_updates": 20,
+        "epsilon_anneal_env_steps": 300,
+        **named.overrides,
+        **config,
+    }
+    spec = RunSpec(
+        environment=environment,
+        environment_config=replace(known.environment(environment), time_limit=time_limit),
+        algorithm=named.learner,
+        algorithm_config=named.config_class(**settings),
+        training=TrainingSpec(
+            train_env_steps=train_env_steps,
+            log_every_env_steps=80,
+            checkpoint_every_env_steps=checkpoint_every_env_steps,
+        ),
+        seed=seed,
+    )
+    return PlannedRun(
+        run_id=run_id(spec),
+        variant=algorithm,
+        label=algorithm.upper(),
+        definition="test",
+        profile="tiny",
+        spec=spec,
+    )
+
+
+def digest(path: Path) -> str:
+    """SHA-256 over a run's policy and log, wall times left out: one digest, one result."""
+    lines = (path / "metrics.jsonl").read_text().splitlines()
+    rows = [{k: v for k, v in json.loads(x).items() if k != "wall_time_s"} for x in lines]
+    content = (path / "policy.safetensors").read_bytes() + json.dumps(rows).encode()
+    return hashlib.sha256(content).hexdigest()
