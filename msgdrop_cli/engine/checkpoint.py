@@ -21,10 +21,10 @@ from typing import Any
 
 from torch import Tensor
 
-from msgdrop_cli.engine.tensors import copy_into, parse_tensors, sync_folder, write_tensors
+from msgdrop_cli.engine.tensors import copy_into, parse_tensors, write_tensors
 from msgdrop_cli.engine.training import Training
 from msgdrop_cli.errors import RecordError
-from msgdrop_cli.records.files import write_json_atomic
+from msgdrop_cli.records.files import sync_folder, write_json_atomic
 
 KEPT = 2
 _SEGMENT = re.compile(r"(\d{1,15})-(\d{1,15})\.safetensors")

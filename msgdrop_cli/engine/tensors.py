@@ -1,6 +1,5 @@
 """Tensors on disk: safetensors only, written in one atomic step, distrusted when read."""
 
-import os
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -10,6 +9,7 @@ from safetensors.torch import load, save
 from torch import Tensor
 
 from msgdrop_cli.errors import RecordError
+from msgdrop_cli.records.files import write_bytes_atomic
 
 _LARGEST_HEADER = 1_000_000
 _MOST_TENSORS = 4_096
@@ -18,31 +18,7 @@ _MOST_TENSORS = 4_096
 def write_tensors(path: Path, tensors: Mapping[str, Tensor]) -> None:
     """Write all tensors or, on any fault, nothing; raises RecordError (74)."""
     content = save({name: t.detach().cpu().contiguous() for name, t in tensors.items()})
-    write_bytes(path, content)
-
-
-def write_bytes(path: Path, content: bytes) -> None:
-    """Replace `path` by `content` durably: temp file, fsync, rename, fsync of the folder."""
-    temporary = path.with_name(f".tmp-{os.getpid()}-{path.name}")
-    try:
-        with temporary.open("wb") as file:
-            file.write(content)
-            file.flush()
-            os.fsync(file.fileno())
-        temporary.replace(path)
-        sync_folder(path.parent)
-    except OSError as error:
-        temporary.unlink(missing_ok=True)
-        raise RecordError(f"{path}: cannot be written: {error.strerror}", 74) from error
-
-
-def sync_folder(folder: Path) -> None:
-    """Make a rename in `folder` survive a power cut."""
-    handle = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
-    try:
-        os.fsync(handle)
-    finally:
-        os.close(handle)
+    write_bytes_atomic(path, content)
 
 
 def parse_tensors(content: bytes, path: Path) -> dict[str, Tensor]:

@@ -29,29 +29,31 @@ def write_json_atomic(path: Path, value: Any, *, durable: bool = True) -> None:
     `durable=False` leaves out the fsyncs: for what is only shown to people.
     Raises RecordError (74), the old file intact; ValueError for NaN, a mistake of the caller.
     """
-    _write_atomic(path, json.dumps(value, indent=2, allow_nan=False) + "\n", durable=durable)
+    text = json.dumps(value, indent=2, allow_nan=False) + "\n"
+    write_bytes_atomic(path, text.encode(), durable=durable)
 
 
 def write_jsonl_atomic(path: Path, rows: Iterable[Mapping[str, Any]]) -> None:
     """Replaces the log `path` by these rows, as `write_json_atomic` does."""
     lines = (json.dumps(row, allow_nan=False) + "\n" for row in rows)
-    _write_atomic(path, "".join(lines), durable=True)
+    write_bytes_atomic(path, "".join(lines).encode())
 
 
-def _write_atomic(path: Path, text: str, *, durable: bool) -> None:
+def write_bytes_atomic(path: Path, content: bytes, *, durable: bool = True) -> None:
+    """Replaces `path` by `content`, whole or not at all; raises RecordError (74)."""
     temporary: Path | None = None
     try:
         handle, name = tempfile.mkstemp(prefix=_TEMPORARY, dir=path.parent)
         temporary = Path(name)
-        with os.fdopen(handle, "w", encoding="utf-8") as file:
+        with os.fdopen(handle, "wb") as file:
             os.fchmod(handle, 0o644)  # mkstemp makes it private
-            file.write(text)
+            file.write(content)
             file.flush()
             if durable:
                 os.fsync(handle)
         temporary.replace(path)
         if durable:
-            _sync_folder(path.parent)
+            sync_folder(path.parent)
     except OSError as error:
         if temporary is not None:
             with suppress(OSError):
@@ -204,7 +206,8 @@ def _refuse_constant(text: str) -> float:
     raise ValueError(f"{text} is not JSON")
 
 
-def _sync_folder(path: Path) -> None:
+def sync_folder(path: Path) -> None:
+    """Makes a rename in the folder `path` survive a power cut."""
     handle = os.open(path, os.O_RDONLY | os.O_DIRECTORY)
     try:
         os.fsync(handle)

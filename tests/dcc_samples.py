@@ -1,0 +1,76 @@
+"""A tiny team, learners on it and minibatches for it, shared by the tests of the learner."""
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+import torch
+from torch import Tensor
+
+from msgdrop_cli.algorithms.dcc import DCC, Config
+from msgdrop_cli.algorithms.protocol import Batch
+from msgdrop_cli.networks import inputs
+from msgdrop_cli.networks.kernel import kernel
+from msgdrop_cli.networks.stacked import initialise
+
+AGENTS, OBSERVATION, ACTIONS = 3, 7, 5
+TINY: Any = SimpleNamespace(agents=AGENTS, observation_size=OBSERVATION, actions=ACTIONS)
+Array = npt.NDArray[np.float64]
+
+
+def rand(*shape: int, seed: int) -> Tensor:
+    """Uniform numbers in [0, 1)."""
+    return torch.rand(shape, generator=torch.Generator().manual_seed(seed))
+
+
+def integers(below: int, *shape: int, seed: int) -> Tensor:
+    """Uniform integers from 0 to below - 1."""
+    return torch.randint(below, shape, generator=torch.Generator().manual_seed(seed))
+
+
+def small_config(**changes: Any) -> Config:
+    """Small networks and as many transitions in a minibatch as actions."""
+    small = {"f_units": (9, 8), "g_units": 10, "h_units": 11, "batch_size": 5}
+    return Config(**{**small, **changes})
+
+
+def make_learner(*configs: Config, seed: int = 1) -> DCC:
+    """A learner whose target network is another one than the online network."""
+    learner = DCC(configs, TINY)
+    learner.initialise(rand(len(configs), learner.init_uniforms, seed=seed))
+    initialise(learner.target, rand(len(configs), learner.init_uniforms, seed=seed + 1))
+    return learner
+
+
+def make_batch(learner: DCC, seed: int = 5) -> Batch:
+    """Made by hand: small counts as observations, every action once, some true ends."""
+    networks, size = learner.online.networks, learner.config.batch_size
+    shown = learner.blocks.shape[1]
+    return Batch(
+        obs=integers(3, networks, 2 * size, shown, OBSERVATION, seed=seed).to(torch.uint8),
+        action=torch.arange(size).remainder(ACTIONS).expand(networks, -1),
+        reward=5.0 * rand(networks, size, seed=seed + 1),
+        discount=(rand(networks, size, seed=seed + 2) < 0.8).float(),
+    )
+
+
+def mask_uniforms(learner: DCC, runs: int = 1, seed: int = 9) -> Tensor:
+    """What an update takes for its mask, [R, update_uniforms]."""
+    return rand(runs, learner.update_uniforms, seed=seed)
+
+
+def weights_of(learner: DCC, part: str, network: int) -> dict[str, Array]:
+    """Of one agent of run 0: `f1.weight` and so on, as numpy's float64."""
+    tensors = learner.tensors(0).items()
+    found = {name: view for name, view in tensors if name.startswith(part + ".")}
+    return {n.removeprefix(part + "."): v[network].double().numpy() for n, v in found.items()}
+
+
+def use_arithmetic(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Make the first layer multiply in C or in torch; skips the test where there is no C."""
+    if name == "c-sparse" and kernel() is None:
+        pytest.skip("no C compiler")
+    if name == "torch":
+        monkeypatch.setattr(inputs, "kernel", lambda: None)

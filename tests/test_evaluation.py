@@ -1,0 +1,124 @@
+"""Greedy episodes: whole, repeatable, apart from training, with links broken as asked."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+import torch
+
+from msgdrop_cli.algorithms.dcc import DCC
+from msgdrop_cli.engine.catalogue import catalogue
+from msgdrop_cli.engine.evaluation import evaluate, evaluate_run
+from msgdrop_cli.engine.run import train_cohort
+from msgdrop_cli.errors import RecordError
+from msgdrop_cli.records.store import list_runs
+from msgdrop_envs import registry
+from tests.runs import digest, planned
+
+
+@pytest.fixture(scope="module")
+def trained(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    """Run folders of two policies that have learnt next to nothing, which is enough here."""
+    root = tmp_path_factory.mktemp("results")
+    return {
+        name: train_cohort([planned(name, train_env_steps=160)], root)[0].path
+        for name in ("dcc-md", "fdc")
+    }
+
+
+def test_every_episode_is_played_whole_and_once(trained: dict[str, Path]) -> None:
+    """As many rows as asked for, each with steps up to the limit, catches up to the evaders."""
+    rows = evaluate(trained["dcc-md"], broken_links=0.0, episodes=40)
+    assert [row["episode"] for row in rows] == list(range(40))
+    for row in rows:
+        assert 1 <= row["steps"] <= 60
+        assert row["finished"] == (row["catches"] == 2)
+        assert row["finished"] or row["steps"] == 60
+        floor = -0.05 * 6 * row["steps"] - 0.5 * row["edge_hits"]
+        assert row["return"] >= floor - 1e-3
+        assert (row["return"] > floor + 1) == (row["catches"] > 0)
+
+
+def test_evaluation_repeats_itself(trained: dict[str, Path]) -> None:
+    """The same policy and channel give the same rows."""
+    first, second = (evaluate(trained["dcc-md"], broken_links=0.5, episodes=20) for _ in range(2))
+    assert first == second
+
+
+def test_broken_links_change_what_a_policy_does(trained: dict[str, Path]) -> None:
+    """DCC-MD listens: none, half and all broken are three results."""
+    results = [
+        [row["edge_hits"] for row in evaluate(trained["dcc-md"], broken_links=b, episodes=30)]
+        for b in (0.0, 0.5, 1.0)
+    ]
+    assert results[0] != results[1] != results[2] != results[0]
+
+
+def test_fdc_does_not_notice_broken_links(trained: dict[str, Path]) -> None:
+    """Row by row the same episodes, whatever breaks (paper l. 525)."""
+    none, all_broken = (evaluate(trained["fdc"], broken_links=b, episodes=30) for b in (0.0, 1.0))
+    assert [row | {"broken_links": 0.0} for row in all_broken] == none
+
+
+def test_broken_links_are_zero_messages() -> None:
+    """A message over a broken link has no influence; one that arrives is scaled as ever."""
+    known = catalogue()
+    named = known.algorithm("dcc-md")
+    env = registry.make(known.environment("pursuit-n6"))
+    learner = DCC([named.config_class(rate=0.3)], env)
+    learner.initialise(torch.rand(1, learner.init_uniforms))
+    obs = torch.randint(0, 3, (1, 4, 6, 147), dtype=torch.uint8)
+    keep = torch.ones(1, 4, 6, 5)
+    keep[:, :, 2, 3] = 0.0  # agent 2 does not hear its fourth sender, agent 4
+    muted = obs.clone()
+    muted[:, :, 4] = 0
+    q = learner.q_exec(obs, keep)
+    torch.testing.assert_close(q[:, :, 2], learner.q_exec(muted)[:, :, 2])
+    torch.testing.assert_close(q[:, :, [0, 1, 3, 5]], learner.q_exec(obs)[:, :, [0, 1, 3, 5]])
+    assert not torch.allclose(q[:, :, 2], learner.q_exec(obs)[:, :, 2])
+
+
+def test_evaluating_does_not_change_training(tmp_path: Path) -> None:
+    """A run's policy and log stay as they are, however often it is evaluated."""
+    [outcome] = train_cohort([planned(train_env_steps=160)], tmp_path)
+    before = digest(outcome.path)
+    evaluate_run(outcome.path, broken_links=0.0, episodes=10)
+    assert digest(outcome.path) == before
+
+
+def test_enough_episodes_are_not_played_again(tmp_path: Path) -> None:
+    """More are drawn anew as a whole, fewer do nothing, other channels stay."""
+    [outcome] = train_cohort([planned(train_env_steps=160)], tmp_path)
+    assert evaluate_run(outcome.path, broken_links=0.5, episodes=8) == 8
+    assert evaluate_run(outcome.path, broken_links=0.0, episodes=10) == 10
+    assert evaluate_run(outcome.path, broken_links=0.0, episodes=6) == 0
+    assert evaluate_run(outcome.path, broken_links=0.0, episodes=12) == 12
+    [record] = list_runs(outcome.path)
+    assert len(record.episodes(0.0)) == 12
+    assert len(record.episodes(0.5)) == 8
+
+
+def test_a_stopped_evaluation_writes_nothing(tmp_path: Path) -> None:
+    """All rows of a channel or none."""
+    [outcome] = train_cohort([planned(train_env_steps=160, time_limit=5_000)], tmp_path)
+    done = evaluate_run(outcome.path, broken_links=0.0, episodes=300, stop=lambda: True)
+    assert done == 0
+    assert not (outcome.path / "episodes.jsonl").exists()
+
+
+def test_another_runs_policy_is_refused(trained: dict[str, Path], tmp_path: Path) -> None:
+    """A policy that does not fit the record is one clear line, not a crash."""
+    [outcome] = train_cohort([replace(planned(train_env_steps=160))], tmp_path)
+    content = (trained["fdc"] / "policy.safetensors").read_bytes()
+    (outcome.path / "policy.safetensors").write_bytes(content)
+    with pytest.raises(RecordError, match="does not fit this run"):
+        evaluate(outcome.path, broken_links=0.0, episodes=2)
+
+
+def test_a_damaged_policy_is_refused(tmp_path: Path) -> None:
+    """A cut file is a RecordError that names it."""
+    [outcome] = train_cohort([planned(train_env_steps=160)], tmp_path)
+    policy = outcome.path / "policy.safetensors"
+    policy.write_bytes(policy.read_bytes()[:-100])
+    with pytest.raises(RecordError, match=r"policy\.safetensors: is damaged"):
+        evaluate(outcome.path, broken_links=0.0, episodes=2)

@@ -1,0 +1,209 @@
+"""The paper's equations with pencil-checkable numbers, and against torch's own."""
+
+import math
+
+import pytest
+import torch
+from torch import Tensor
+from torch.nn import functional
+
+from msgdrop_cli.ops.exploration import annealed_epsilon, epsilon_greedy
+from msgdrop_cli.ops.links import broken_links, link_count
+from msgdrop_cli.ops.message_dropout import apply_keep, execution_scale, keep_mask
+from msgdrop_cli.ops.td import clip_gradient_norm, double_q_target, loss_gradient
+
+ERRORS = torch.tensor([-3.0, -1.0, -0.25, 0.0, 0.5, 1.0, 7.0])
+
+
+def _random(*shape: int, seed: int = 0) -> Tensor:
+    return torch.rand(shape, generator=torch.Generator().manual_seed(seed))
+
+
+# message_dropout
+
+
+def test_rate_is_the_probability_of_dropping() -> None:
+    """A number below the rate drops, any other keeps: Bernoulli(rate) as keep would be reversed."""
+    uniforms = torch.tensor([[0.0, 0.19, 0.2, 0.21, 0.999]])
+    assert keep_mask(uniforms, torch.tensor([0.2])).tolist() == [[0.0, 0.0, 1.0, 1.0, 1.0]]
+
+
+@pytest.mark.parametrize("rate", [0.1, 0.2, 0.5, 0.9])
+def test_keep_mask_keeps_one_minus_rate(rate: float) -> None:
+    """The share of kept units is 1 - rate within five standard deviations of a binomial."""
+    count = 40_000
+    kept = keep_mask(_random(1, count), torch.tensor([rate])).mean().item()
+    assert abs(kept - (1 - rate)) < 5 * math.sqrt(rate * (1 - rate) / count)
+
+
+def test_rates_0_and_1_are_exact() -> None:
+    """Rate 0 keeps even the number 0; rate 1 drops even the largest number below 1."""
+    extremes = torch.tensor([[0.0, 1.0 - 2.0**-24]])
+    assert keep_mask(extremes, torch.zeros(1)).tolist() == [[1.0, 1.0]]
+    assert keep_mask(extremes, torch.ones(1)).tolist() == [[0.0, 0.0]]
+
+
+def test_every_run_has_its_own_rate() -> None:
+    """The rate's first dimension is the run, whatever the shape behind it."""
+    keep = keep_mask(torch.full((3, 2, 4), 0.3), torch.tensor([0.2, 0.3, 0.4]))
+    assert keep.mean((1, 2)).tolist() == [1.0, 1.0, 0.0]
+
+
+def test_apply_keep_replaces_whole_messages_by_zeros() -> None:
+    """A mask [..., S, 1] takes away a whole message, also from bytes, and leaves the others."""
+    blocks = torch.tensor([[1, 2], [3, 4], [5, 6]], dtype=torch.uint8)
+    kept = apply_keep(blocks, torch.tensor([[1.0], [0.0], [0.5]]))
+    assert kept.tolist() == [[1.0, 2.0], [0.0, 0.0], [2.5, 3.0]]
+    assert kept.dtype == torch.float32
+
+
+def test_apply_keep_takes_single_elements() -> None:
+    """A mask [..., S, M] takes away single elements."""
+    kept = apply_keep(torch.tensor([[1.0, 2.0], [3.0, 4.0]]), torch.tensor([[0.0, 1], [1, 0]]))
+    assert kept.tolist() == [[0.0, 2.0], [3.0, 0.0]]
+
+
+@pytest.mark.parametrize("shape", [(2, 1), (3, 2), (1, 1)])
+def test_apply_keep_refuses_masks_that_do_not_fit(shape: tuple[int, int]) -> None:
+    """A mask for other blocks is an error, not a broadcast."""
+    with pytest.raises(ValueError, match="keep must be"):
+        apply_keep(torch.ones(3, 4), torch.ones(shape))
+
+
+def test_execution_scales_messages_by_one_minus_rate() -> None:
+    """Own block 1, every message 1 - rate; the own block too if it was dropped in training."""
+    rate = torch.tensor([0.0, 0.25, 1.0])
+    scale = execution_scale(rate, 2, drops_own=False)
+    assert scale[..., 0].tolist() == [[1, 1, 1], [1, 0.75, 0.75], [1, 0, 0]]
+    assert execution_scale(rate, 2, drops_own=True)[1, :, 0].tolist() == [0.75, 0.75, 0.75]
+
+
+# td
+
+
+def test_double_q_target_by_pencil() -> None:
+    """The selecting values pick the action, the target values give the number."""
+    target = double_q_target(
+        reward=torch.tensor([1.0, 2.0]),
+        discount=torch.tensor([0.5, 0.0]),
+        next_q_target=torch.tensor([[10.0, 20.0], [30.0, 40.0]]),
+        next_q_select=torch.tensor([[3.0, 1.0], [0.0, 9.0]]),
+    )
+    assert target.tolist() == [1.0 + 0.5 * 10.0, 2.0]
+
+
+def test_double_q_target_refuses_shapes_that_do_not_fit() -> None:
+    """A reward of another batch size is an error, not a broadcast."""
+    with pytest.raises(ValueError, match="shapes do not fit"):
+        double_q_target(torch.ones(1), torch.ones(1), torch.ones(2, 5), torch.ones(2, 5))
+
+
+def test_mse_is_torchs() -> None:
+    """Value and derivative of the squared error equal torch's, without a factor 1/2."""
+    error = ERRORS.clone().requires_grad_()
+    functional.mse_loss(error, torch.zeros(7), reduction="sum").backward()
+    value, slope = loss_gradient(ERRORS, "mse")
+    assert torch.equal(slope, error.grad if error.grad is not None else torch.empty(0))
+    assert value.tolist() == [9.0, 1.0, 0.0625, 0.0, 0.25, 1.0, 49.0]
+
+
+def test_huber_is_torchs() -> None:
+    """Value and derivative of the Huber loss (delta 1) equal torch's."""
+    error = ERRORS.clone().requires_grad_()
+    expected = functional.huber_loss(error, torch.zeros(7), reduction="none", delta=1.0)
+    expected.sum().backward()
+    value, slope = loss_gradient(ERRORS, "huber")
+    torch.testing.assert_close(value, expected.detach())
+    torch.testing.assert_close(slope, error.grad)
+
+
+def test_clipping_is_torchs_for_each_row() -> None:
+    """Each network is clipped by its own norm, as torch clips one module; small ones are left."""
+    gradients = _random(4, 50) * torch.tensor([[0.01], [1.0], [10.0], [0.0]])
+    clipped = gradients * clip_gradient_norm(gradients, 2.0)[:, None]
+    for row, ours in zip(gradients, clipped, strict=True):
+        parameter = torch.nn.Parameter(torch.zeros(50))
+        parameter.grad = row.clone()
+        torch.nn.utils.clip_grad_norm_([parameter], 2.0)
+        torch.testing.assert_close(ours, parameter.grad, rtol=1e-5, atol=0.0)
+    assert torch.equal(clipped[0], gradients[0])
+
+
+# exploration
+
+
+def test_epsilon_is_annealed_linearly_and_then_stays() -> None:
+    """From 1 to 0.02 in a line over the first 2 million env steps, then 0.02 (paper l. 752)."""
+    steps = [0, 500_000, 1_000_000, 2_000_000, 9_000_000]
+    found = [annealed_epsilon(s, 1.0, 0.02, 2_000_000) for s in steps]
+    assert found == pytest.approx([1.0, 0.755, 0.51, 0.02, 0.02])
+    assert annealed_epsilon(0, 1.0, 0.02, 0) == 0.02
+
+
+def test_epsilon_greedy_by_pencil() -> None:
+    """The first number decides whether to explore (below epsilon), the second one where."""
+    q = torch.tensor([[0.0, 3.0, 1.0]] * 4)
+    uniforms = torch.tensor([[0.29, 0.0], [0.29, 0.67], [0.3, 0.0], [0.29, 1.0 - 2.0**-24]])
+    assert epsilon_greedy(q, uniforms, 0.3).tolist() == [0, 2, 1, 2]
+
+
+def test_epsilon_0_never_explores_and_1_always_does() -> None:
+    """Epsilon 0 is greedy; epsilon 1 draws all five actions equally often (5 sigma)."""
+    q, count = torch.tensor([0.0, 0.0, 1.0, 0.0, 0.0]).expand(50_000, 5), 50_000
+    uniforms = _random(count, 2)
+    assert (epsilon_greedy(q, uniforms, 0.0) == 2).all()
+    share = epsilon_greedy(q, uniforms, 1.0).bincount(minlength=5) / count
+    assert (share - 0.2).abs().max() < 5 * math.sqrt(0.2 * 0.8 / count)
+
+
+# links
+
+
+def _matrix(keep: Tensor, agents: int) -> Tensor:
+    """The masks [..., N, S] as [..., N, N], the agents' own places 1."""
+    matrix = torch.ones(*keep.shape[:-2], agents, agents)
+    for i in range(agents):
+        matrix[..., i, [j for j in range(agents) if j != i]] = keep[..., i, :]
+    return matrix
+
+
+@pytest.mark.parametrize(("agents", "fraction"), [(6, 0.5), (8, 0.5), (6, 0.2), (3, 0.9)])
+def test_links_break_in_both_directions(agents: int, fraction: float) -> None:
+    """If j's messages do not reach i, i's do not reach j."""
+    keep = broken_links(_random(50, link_count(agents) + 1), fraction, agents)
+    matrix = _matrix(keep, agents)
+    assert torch.equal(matrix, matrix.mT)
+    assert 0.0 < keep.mean() < 1.0
+
+
+def test_exactly_half_of_28_links_break() -> None:
+    """With 8 agents 14 of 28 links break in every game, i.e. 28 of the 56 messages."""
+    keep = broken_links(_random(2_000, 29), 0.5, 8)
+    assert (keep.sum((-2, -1)) == 28.0).all()
+    per_link = keep.mean(0)
+    assert (per_link - 0.5).abs().max() < 5 * math.sqrt(0.25 / 2_000)  # none is favoured
+
+
+def test_half_of_15_links_is_7_or_8_equally_often() -> None:
+    """With 6 agents 7 or 8 of 15 links break, each in half of the games (5 sigma)."""
+    count = 4_000
+    broken = 15 - broken_links(_random(count, 16), 0.5, 6).sum((-2, -1)) / 2
+    assert set(broken.tolist()) == {7.0, 8.0}
+    assert abs((broken == 8.0).float().mean().item() - 0.5) < 5 * math.sqrt(0.25 / count)
+
+
+@pytest.mark.parametrize("agents", [2, 6, 8])
+def test_no_links_and_all_links_break_exactly(agents: int) -> None:
+    """Fraction 0 keeps every message, fraction 1 none, whatever the numbers are."""
+    uniforms = _random(100, link_count(agents) + 1)
+    uniforms[0] = 0.0
+    assert broken_links(uniforms, 0.0, agents).all()
+    assert not broken_links(uniforms, 1.0, agents).any()
+
+
+def test_broken_links_refuses_impossible_input() -> None:
+    """A fraction outside 0 to 1, or numbers for another team, is an error."""
+    with pytest.raises(ValueError, match="between 0 and 1"):
+        broken_links(torch.zeros(16), 1.1, 6)
+    with pytest.raises(ValueError, match="16 uniforms"):
+        broken_links(torch.zeros(15), 0.5, 6)

@@ -1,0 +1,229 @@
+"""The rules of the house, read from the source: who imports whom, what stays cold, how long.
+
+The rules are in the README's map of rooms. Nothing is imported here except by the last test.
+"""
+
+import ast
+import os
+import subprocess
+import sys
+import tomllib
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[1]
+ORDER = (
+    *("__main__", "app", "commands", "report", "analysis", "scheduler"),
+    *("engine", "algorithms", "msgdrop_envs", "networks", "ops"),
+    *("records", "definition", "msgdrop_ablations", "errors"),
+)
+"""A room imports itself and what stands to its right."""
+WARM = {"engine", "algorithms", "msgdrop_envs", "networks", "ops"}
+TORCH_FREE = {"records", "definition", "msgdrop_ablations", "errors"}
+"""These need no tensors at all, not even inside a function."""
+HEAVY = {"torch", "numpy", "matplotlib", "joblib", "safetensors", "gymnasium", "pettingzoo"}
+SOURCE_ROOTS = {"msgdrop_cli": "", "msgdrop_envs": "envs", "msgdrop_ablations": "ablations"}
+PRODUCT = sorted(
+    path for name, root in SOURCE_ROOTS.items() for path in (ROOT / root / name).rglob("*.py")
+)
+SOURCES = sorted([*PRODUCT, *(ROOT / "tests").rglob("*.py"), *(ROOT / "benchmarks").rglob("*.py")])
+MAX_FILE_LINES = 300
+MAX_FUNCTION_LINES = 50
+
+
+class Import(NamedTuple):
+    """One imported name, e.g. `torch.Tensor` for `from torch import Tensor`."""
+
+    line: int
+    name: str
+    when_loaded: bool
+    """False inside a function or under `if TYPE_CHECKING`."""
+
+    @property
+    def root(self) -> str:
+        """The top-level package."""
+        return self.name.split(".")[0]
+
+
+def imports(node: ast.AST, when_loaded: bool = True) -> Iterator[Import]:
+    """Every import below a node."""
+    for child in ast.iter_child_nodes(node):
+        if isinstance(child, ast.Import):
+            for alias in child.names:
+                yield Import(child.lineno, alias.name, when_loaded)
+        elif isinstance(child, ast.ImportFrom):
+            for alias in child.names:
+                yield Import(child.lineno, f"{child.module}.{alias.name}", when_loaded)
+        else:
+            later = isinstance(child, ast.FunctionDef | ast.AsyncFunctionDef | ast.Lambda)
+            typing = isinstance(child, ast.If) and "TYPE_CHECKING" in ast.dump(child.test)
+            later = later or typing
+            yield from imports(child, when_loaded and not later)
+
+
+def room_of(name: str) -> str:
+    """The room of an imported name or of a module; `` for everything outside the house."""
+    first, *rest = name.split(".")
+    room = rest[0] if first == "msgdrop_cli" and rest else first
+    return room if room in ORDER and first in SOURCE_ROOTS else ""
+
+
+def room_of_file(path: Path) -> str:
+    """The room that a file stands in."""
+    root = next(root for name, root in SOURCE_ROOTS.items() if (ROOT / root / name) in path.parents)
+    return room_of(".".join(path.relative_to(ROOT / root).with_suffix("").parts))
+
+
+def wrong_way(source: str, room: str) -> list[Import]:
+    """Imports from a room to the left, wherever they stand."""
+    allowed = {"", *ORDER[ORDER.index(room) :]}
+    return [i for i in imports(ast.parse(source)) if room_of(i.name) not in allowed]
+
+
+def warming(source: str, room: str) -> list[Import]:
+    """Imports that load something heavy where the room must stay cold."""
+    if room in WARM:
+        return []
+    return [
+        i
+        for i in imports(ast.parse(source))
+        if (i.root in HEAVY or room_of(i.name) in WARM) and (i.when_loaded or room in TORCH_FREE)
+    ]
+
+
+def long_functions(source: str) -> list[tuple[str, int]]:
+    """Name and length of the functions that are too long, from `def` to the last line."""
+    functions = (
+        node
+        for node in ast.walk(ast.parse(source))
+        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef)
+    )
+    lengths = [(node.name, (node.end_lineno or 0) - node.lineno + 1) for node in functions]
+    return [(name, length) for name, length in lengths if length > MAX_FUNCTION_LINES]
+
+
+def foreign(path: Path, allowed: set[str]) -> list[Import]:
+    """Imports from outside the standard library that are not allowed."""
+    known = allowed | sys.stdlib_module_names
+    return [i for i in imports(ast.parse(path.read_text())) if i.root not in known]
+
+
+def found(paths: Sequence[Path], check: Callable[[Path], list[Any]]) -> dict[str, list[Any]]:
+    """What a check finds, by file; empty if all is well."""
+    findings = {str(path.relative_to(ROOT)): check(path) for path in paths}
+    return {path: finding for path, finding in findings.items() if finding}
+
+
+@pytest.mark.parametrize(
+    ("source", "room", "caught"),
+    [
+        ("from msgdrop_cli.engine.run import train_cohort", "algorithms", True),
+        ("from msgdrop_cli import engine", "ops", True),
+        ("def f():\n    import msgdrop_cli.commands.train", "engine", True),
+        ("import msgdrop_envs.registry", "networks", True),
+        ("from msgdrop_cli.errors import RunError", "engine", False),
+        ("from msgdrop_cli import __version__", "records", False),
+        ("from msgdrop_cli.engine.rng import Streams", "engine", False),
+    ],
+)
+def test_an_import_to_the_left_is_noticed(source: str, room: str, caught: bool) -> None:
+    """The check of the order fires on what breaks it, and only on that."""
+    assert bool(wrong_way(source, room)) == caught
+
+
+@pytest.mark.parametrize(
+    ("source", "room", "caught"),
+    [
+        ("import torch", "commands", True),
+        ("from numpy import mean", "analysis", True),
+        ("class A:\n    import joblib", "scheduler", True),
+        ("try:\n    import matplotlib.pyplot\nexcept ImportError: pass", "report", True),
+        ("from msgdrop_cli.engine import run", "scheduler", True),
+        ("def f():\n    import torch", "records", True),
+        ("def f():\n    import torch", "commands", False),
+        ("from typing import TYPE_CHECKING\nif TYPE_CHECKING:\n    import numpy", "report", False),
+        ("import torch", "engine", False),
+    ],
+)
+def test_a_heavy_import_is_noticed(source: str, room: str, caught: bool) -> None:
+    """The check of the cold rooms fires on what warms them, and only on that."""
+    assert bool(warming(source, room)) == caught
+
+
+def test_a_long_function_is_noticed() -> None:
+    """Fifty lines pass, fifty-one do not, and methods count."""
+    body = "        x = 1\n"
+    assert long_functions("class A:\n    def f():\n" + 49 * body) == []
+    assert long_functions("class A:\n    def f():\n" + 50 * body) == [("f", 51)]
+
+
+def test_the_rooms_are_found() -> None:
+    """The discovery below is not empty by a wrong path."""
+    rooms = {room_of_file(path) for path in PRODUCT}
+    assert rooms - {""} == set(ORDER)
+
+
+def test_every_file_stands_in_a_room() -> None:
+    """A new room has to be given its place in the order first."""
+    homeless = [path for path in PRODUCT if not room_of_file(path)]
+    assert homeless == [ROOT / "msgdrop_cli" / "__init__.py"]
+
+
+def test_imports_go_to_the_right() -> None:
+    """A room imports only rooms to its right, inside functions too."""
+    in_rooms = [path for path in PRODUCT if room_of_file(path)]
+    assert found(in_rooms, lambda path: wrong_way(path.read_text(), room_of_file(path))) == {}
+
+
+def test_cold_rooms_load_nothing_heavy() -> None:
+    """Cold rooms import no torch, numpy, matplotlib, joblib or warm room when they are loaded."""
+    assert found(PRODUCT, lambda path: warming(path.read_text(), room_of_file(path))) == {}
+
+
+def test_environments_need_only_torch() -> None:
+    """`msgdrop_envs` stands alone: torch and the standard library; parallel.py has its extra."""
+    alone = {"torch", "msgdrop_envs"}
+    extra = {"parallel.py": {"pettingzoo", "gymnasium", "numpy"}}
+    environments = [path for path in PRODUCT if room_of_file(path) == "msgdrop_envs"]
+    assert found(environments, lambda p: foreign(p, alone | extra.get(p.name, set()))) == {}
+
+
+def test_only_core_dependencies_are_imported() -> None:
+    """The program needs no extra but the one that `parallel_env` asks for."""
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    core = {requirement.split(">=")[0] for requirement in project["dependencies"]}
+    product = [path for path in PRODUCT if path.name != "parallel.py"]
+    assert found(product, lambda path: foreign(path, core | set(SOURCE_ROOTS))) == {}
+
+
+def test_files_are_short() -> None:
+    """No file is longer than 300 lines."""
+    lengths = {str(path): len(path.read_text().splitlines()) for path in SOURCES}
+    assert {path: n for path, n in lengths.items() if n > MAX_FILE_LINES} == {}
+
+
+def test_functions_are_short() -> None:
+    """No function is longer than 50 lines."""
+    assert found(SOURCES, lambda path: long_functions(path.read_text())) == {}
+
+
+@pytest.mark.parametrize("arguments", [["--help"], ["--version"], ["ablate", "--help"]])
+def test_help_loads_nothing_heavy(arguments: list[str]) -> None:
+    """Help and version answer at once: nothing heavy is loaded on the way, by anybody."""
+    paths = [str(ROOT / root) for root in SOURCE_ROOTS.values()]
+    done = subprocess.run(
+        [sys.executable, "-X", "importtime", "-m", "msgdrop_cli", *arguments],
+        env={**os.environ, "PYTHONPATH": os.pathsep.join(paths)},
+        capture_output=True,
+        text=True,
+        timeout=60,
+    )
+    lines = done.stderr.splitlines()
+    said = [line for line in lines if not line.startswith("import time:")]
+    assert done.returncode == 0, said
+    loaded = {line.rsplit("|", 1)[1].strip().split(".")[0] for line in lines if line not in said}
+    assert "msgdrop_cli" in loaded
+    assert loaded & HEAVY == set()
