@@ -16,6 +16,7 @@ def planned(
     seed: int = 1,
     environment: str = "pursuit-n6",
     time_limit: int = 60,
+    map_size: int = 15,
     train_env_steps: int = 480,
     checkpoint_every_env_steps: int = 160,
     **config: object,
@@ -33,7 +34,9 @@ def planned(
     }
     spec = RunSpec(
         environment=environment,
-        environment_config=replace(known.environment(environment), time_limit=time_limit),
+        environment_config=replace(
+            known.environment(environment), time_limit=time_limit, map_size=map_size
+        ),
         algorithm=named.learner,
         algorithm_config=named.config_class(**settings),
         training=TrainingSpec(

@@ -26,10 +26,13 @@ def trained(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     }
 
 
-def test_every_episode_is_played_whole_and_once(trained: dict[str, Path]) -> None:
+def test_every_episode_is_played_whole_and_once(tmp_path: Path) -> None:
     """As many rows as asked for, each with steps up to the limit, catches up to the evaders."""
-    rows = evaluate(trained["dcc-md"], broken_links=0.0, episodes=40)
-    assert [row["episode"] for row in rows] == list(range(40))
+    [outcome] = train_cohort([planned("fdc", map_size=3, train_env_steps=160)], tmp_path)
+    rows = evaluate(outcome.path, broken_links=0.0, episodes=400)
+    assert [row["episode"] for row in rows] == list(range(400))
+    assert {row["catches"] for row in rows} == {0, 1, 2}
+    assert len({row["steps"] for row in rows}) > 5
     for row in rows:
         assert 1 <= row["steps"] <= 60
         assert row["finished"] == (row["catches"] == 2)

@@ -9,6 +9,7 @@ from msgdrop_cli.engine import run as engine
 from msgdrop_cli.engine.checkpoint import Checkpoints
 from msgdrop_cli.engine.run import train_cohort
 from msgdrop_cli.engine.training import Training
+from msgdrop_cli.records.store import list_runs
 from tests.runs import digest, planned
 
 
@@ -128,6 +129,7 @@ def test_a_failing_cohort_is_recorded(tmp_path: Path, monkeypatch: pytest.Monkey
     run = planned(train_env_steps=160)
     [outcome] = train_cohort([run], tmp_path)
     assert (outcome.status, outcome.reason) == ("failed", "ArithmeticError: on purpose")
+    assert list_runs(tmp_path)[0].status == "failed"
     monkeypatch.undo()
     assert train_cohort([run], tmp_path)[0].status == "done"
 

@@ -11,7 +11,7 @@ pytestmark = pytest.mark.skipif(
     kernel_module.kernel() is None, reason="no C compiler, or MSGDROP_KERNEL=torch"
 )
 
-G, B, J, O, H = 3, 10, 4, 147, 96
+G, B, J, O, H = 3, 10, 4, 147, 96  # noqa: E741 - the legend's letters (design)
 
 
 def _case(unit: int) -> tuple[SparseInput, torch.Tensor]:

@@ -48,7 +48,7 @@ class Config:
     g_units: int = 96
     """The layer of g (l. 746: 96; N=8: 128)."""
     h_units: int = 32
-    """The hidden layer of h (l. 747)."""
+    """The hidden layer of h (l. 748)."""
     gamma: float = 0.99
     """Discount (l. 753, printed as lambda)."""
     learning_rate: float = 1e-4

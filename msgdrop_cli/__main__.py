@@ -1,0 +1,38 @@
+"""`msgdrop`: says at once what it is about to do, then loads the rest of the program."""
+
+import os
+import sys
+from collections.abc import Sequence
+
+from msgdrop_cli import __version__
+
+_SLOW = ("train", "eval", "ablate", "unstable-test", "plot", "publish")
+"""Commands that load torch or matplotlib before they can say anything else."""
+_WIDTH = 120
+
+
+def main() -> None:
+    """Run the command line and exit with its code."""
+    arguments = sys.argv[1:]
+    if words := greeting(arguments):
+        print(words, file=sys.stderr, flush=True)
+    # When we are killed, joblib's tracker cleans up after us; it need not tell the terminal.
+    os.environ.setdefault("PYTHONWARNINGS", "ignore:resource_tracker")
+    from msgdrop_cli.app import run  # not above: the greeting shall not wait for it
+
+    sys.exit(run(arguments))
+
+
+def greeting(arguments: Sequence[str]) -> str | None:
+    """The first line of a slow command; None for one that answers at once."""
+    if not arguments or arguments[0] not in _SLOW or "--help" in arguments:
+        return None
+    if arguments[0] == "ablate" and len(arguments) == 1:
+        return None
+    words = "".join(c if c.isprintable() else " " for c in " ".join(arguments))
+    line = f"msgdrop {__version__}: {words}"
+    return line if len(line) <= _WIDTH else f"{line[: _WIDTH - 1]}…"
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,91 @@
+"""The command line as a whole: which commands there are, and what every error looks like.
+
+Whatever goes wrong is one line on stderr and an exit code (README, exit codes); a traceback is
+shown only if MSGDROP_TRACEBACK=1 asks for it.
+"""
+
+import errno
+import os
+import shlex
+import sys
+import traceback
+from collections.abc import Sequence
+from typing import Annotated
+
+import typer
+
+from msgdrop_cli import __version__
+from msgdrop_cli.commands import ablate, console, eval, plot, publish, status, train, unstable_test
+from msgdrop_cli.definition.strict import one_line
+from msgdrop_cli.errors import MsgdropError
+from msgdrop_cli.scheduler import Stopped
+
+_INTERNAL, _USAGE, _NO_SPACE, _INTERRUPTED, _BROKEN_PIPE = 1, 2, 74, 130, 141
+
+app = typer.Typer(
+    name="msgdrop",
+    help=(
+        "Train, break, compare and check message-dropout in multi-agent reinforcement learning.\n\n"
+        "Start with:  msgdrop ablate blockwise-vs-elementwise"
+    ),
+    rich_markup_mode=None,  # plain help: quick to load, and no text is ever taken for markup
+    pretty_exceptions_enable=False,
+    context_settings={"max_content_width": 100},
+)
+for _command in (ablate, train, eval, unstable_test, plot, status, publish):
+    app.add_typer(_command.app)
+
+
+@app.callback(invoke_without_command=True)
+def start(
+    context: typer.Context,
+    version: Annotated[bool, typer.Option("--version", help="Show the version and exit.")] = False,
+) -> None:
+    """Show the version or, without any command, the help."""
+    if version:
+        console.result(f"msgdrop {__version__}")
+        raise typer.Exit
+    if context.invoked_subcommand is None:
+        console.result(context.get_help())
+
+
+def run(arguments: Sequence[str]) -> int:
+    """Run one command line; returns the exit code, and shows errors in one line each."""
+    command = typer.main.get_command(app)
+    try:
+        code = command.main(list(arguments), prog_name="msgdrop", standalone_mode=False)
+        sys.stdout.flush()
+    except Stopped as stopped:
+        console.note(f"stopped; the same command goes on:\n  {shlex.join(['msgdrop', *arguments])}")
+        return 128 + stopped.signal
+    except KeyboardInterrupt:
+        console.note("stopped")
+        return _INTERRUPTED
+    except BrokenPipeError:
+        # The reader of our output has gone (`| head`); nobody is left to be told.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return _BROKEN_PIPE
+    except MsgdropError as error:
+        return _failed(str(error), error.exit_code)
+    except Exception as error:
+        return _unexpected(error)
+    return code if isinstance(code, int) else 0
+
+
+def _unexpected(error: Exception) -> int:
+    """An error of the command line's words (2), of the machine (74), or of ours (1)."""
+    if hasattr(error, "format_message"):  # typer's own; their class moved between its versions
+        path = getattr(getattr(error, "ctx", None), "command_path", "msgdrop")
+        return _failed(f"{error.format_message().rstrip('.')} (see {path} --help)", _USAGE)
+    if os.environ.get("MSGDROP_TRACEBACK") == "1":
+        console.note(traceback.format_exc().rstrip())
+    if isinstance(error, OSError) and error.errno in (errno.ENOSPC, errno.EDQUOT, errno.EIO):
+        return _failed(f"{error.filename or 'disk'}: {error.strerror}", _NO_SPACE)
+    what = f"{type(error).__name__}: {error}"
+    hint = "this is a bug in msgdrop; MSGDROP_TRACEBACK=1 shows it"
+    return _failed(f"{what} ({hint})", _INTERNAL)
+
+
+def _failed(message: str, code: int) -> int:
+    console.error(one_line(message))
+    return code

@@ -1,0 +1,1 @@
+"""The commands, one file each: parse, call, show. `console` is the only module that prints."""

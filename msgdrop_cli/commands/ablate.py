@@ -1,0 +1,67 @@
+"""`msgdrop ablate`: answer a question by training its variants."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from msgdrop_cli.commands import console, options
+from msgdrop_cli.definition.load import list_definitions, load_definition
+
+app = typer.Typer()
+
+
+@app.command()
+def ablate(
+    name: Annotated[
+        str | None,
+        typer.Argument(
+            metavar="[NAME|FILE.toml]",
+            help="A question that is shipped, or your own; leave it out to list those shipped.",
+            autocompletion=list_definitions,
+        ),
+    ] = None,
+    profile: options.Profile = "quick",
+    overrides: options.Set = None,
+    seeds: options.Seeds = None,
+    workers: options.Workers = 2,
+    device: options.Device = "cpu",
+    results: options.Results = Path("results"),
+    dry_run: options.DryRun = False,
+    json: options.Json = False,
+) -> int:
+    """Answer a question: train, evaluate, compare, draw.
+
+    What is finished is not trained again; what was interrupted goes on from its checkpoint.
+    """
+    if name is None:
+        return _list(json)
+    checked = options.train_options(
+        profile=profile,
+        overrides=overrides,
+        seeds=seeds,
+        workers=workers,
+        device=device,
+        results=results,
+        dry_run=dry_run,
+        json=json,
+    )
+    definition = load_definition(name)
+    from msgdrop_cli.commands.training import carry_out  # after the quick checks
+
+    return carry_out(definition, checked)
+
+
+def _list(as_json: bool) -> int:
+    definitions = [load_definition(name) for name in list_definitions()]
+    if as_json:
+        console.result_json(
+            [
+                {"name": d.name, "title": d.title, "question": d.question, "source": d.source}
+                for d in definitions
+            ]
+        )
+        return 0
+    console.facts({d.name: d.question for d in definitions}, is_result=True)
+    console.note("\nanswer one:  msgdrop ablate NAME   (what it takes: --dry-run)")
+    return 0

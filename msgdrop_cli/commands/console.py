@@ -1,0 +1,227 @@
+"""The only module that prints: results on stdout, everything else on stderr.
+
+Texts are shown as they are: nothing is taken for markup, and control characters have been removed
+where texts were read. rich is loaded only where something is laid out.
+"""
+
+import json
+import sys
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from typing import TYPE_CHECKING, Any, TextIO
+
+if TYPE_CHECKING:
+    from rich.console import Console
+    from rich.live import Live
+    from rich.table import Table as RichTable
+
+    from msgdrop_cli.report.table import Table
+
+_PIPED_WIDTH = 160
+"""Columns of a table where there is no terminal to ask."""
+_GAP = 2
+"""Spaces between two columns."""
+_TEXT_WIDTH = 100
+"""Lines longer than that are hard to read."""
+_VERDICTS = {"supported": "green", "contradicted": "red", "undecided": "yellow"}
+
+
+def result(text: str) -> None:
+    """Show a line of the results."""
+    print(text)
+
+
+def result_json(value: Any) -> None:
+    """Show the results as one JSON document."""
+    print(json.dumps(value, indent=2, allow_nan=False))
+
+
+def note(text: str) -> None:
+    """Show something that is not a result."""
+    _to_stderr(text)
+
+
+def error(message: str) -> None:
+    """Show what went wrong, in one line."""
+    sys.stdout.flush()
+    _to_stderr(f"msgdrop: error: {message}")
+
+
+def facts(rows: Mapping[str, str], *, is_result: bool = False) -> None:
+    """Show names and values, one pair a line, wrapped beside its name."""
+    from rich.table import Table as RichTable
+    from rich.text import Text
+
+    grid = RichTable.grid(padding=(0, 2))
+    grid.add_column(no_wrap=True, style="dim")
+    grid.add_column()
+    for name, value in rows.items():
+        grid.add_row(Text(name), Text(value))
+    if is_result:
+        _print(sys.stdout, grid)
+    else:
+        with suppress(OSError):
+            _print(sys.stderr, grid)
+
+
+def table(shown: "Table", *, numbers_from: int = 1) -> None:
+    """Show a table of results with its title and caption.
+
+    numbers_from: the first column that holds numbers, which stand to the right.
+    """
+    from rich import box
+    from rich.padding import Padding
+    from rich.table import Table as RichTable
+    from rich.text import Text
+
+    console = _console(sys.stdout)
+    widths = _widths(shown, console.width)
+    grid = RichTable(
+        box=box.SIMPLE_HEAD,
+        padding=(0, _GAP - 1, 0, 0),
+        pad_edge=False,
+        header_style="none",
+        show_edge=False,
+    )
+    for number, header in enumerate(shown.headers[: len(widths)]):
+        side: Any = "left" if number < numbers_from else "right"
+        # Headers may be broken into lines, numbers never: half a number is a wrong one.
+        grid.add_column(Text(header), justify=side, width=widths[number])
+    for row in shown.rows:
+        grid.add_row(*map(Text, row[: len(widths)]))
+    parts: list[Any] = ["", Text(shown.title, style="bold"), "", grid]
+    if left_out := ", ".join(shown.headers[len(widths) :]):
+        parts.append(Text(f"(no room here for: {left_out})", style="dim"))
+    if shown.caption:
+        beside = max(0, console.width - _TEXT_WIDTH)
+        parts.append(Padding(Text(shown.caption, style="dim"), (1, beside, 0, 0)))
+    _print(sys.stdout, *parts)
+
+
+def verdicts(rows: Sequence[tuple[str, str, str, str]]) -> None:
+    """Show claims as paragraphs of (verdict, claim, what was compared, why)."""
+    from rich.padding import Padding
+    from rich.table import Table as RichTable
+    from rich.text import Text
+
+    grid = RichTable.grid(padding=(0, 2))
+    grid.add_column(no_wrap=True)
+    grid.add_column()
+    for verdict, claim, compared, why in rows:
+        body = Text.assemble(claim, "\n", (f"{compared}\n{why}", "dim"))
+        grid.add_row(
+            Text(verdict, style=_VERDICTS.get(verdict, "none")), Padding(body, (0, 0, 1, 0))
+        )
+    _print(sys.stdout, "", Text("Claims of the paper", style="bold"), "", grid)
+
+
+class Progress:
+    """What is shown while work goes on: a table that stays in place, or a plain line at times."""
+
+    def __init__(self, every_s: float = 30.0) -> None:
+        self.live: Live | None = None
+        self.every_s = every_s
+        self.said_at: float | None = None
+
+    def __enter__(self) -> "Progress":
+        if sys.stderr.isatty():
+            from rich.live import Live
+
+            screen = _console(sys.stderr)
+            self.live = Live(console=screen, auto_refresh=False, transient=True)
+            self.live.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if self.live:
+            with suppress(OSError):
+                self.live.stop()
+
+    def say(self, text: str) -> None:
+        """Show a line that stays."""
+        if self.live:
+            from rich.text import Text
+
+            with suppress(OSError):
+                self.live.console.print(Text(text))
+        else:
+            note(text)
+
+    def update(
+        self, headers: Sequence[str], rows: Sequence[Sequence[str]], total: str, now_s: float
+    ) -> None:
+        """Show who is at work: cells of text in a table, or `total` once in `every_s`."""
+        if self.live:
+            with suppress(OSError):
+                width = self.live.console.width - len("^C")  # what a terminal echoes must not wrap
+                self.live.update(_board(headers, rows, total, width), refresh=True)
+        elif self.said_at is None or now_s - self.said_at >= self.every_s:
+            if self.said_at is not None:
+                note(total)
+            self.said_at = now_s
+
+
+def _board(
+    headers: Sequence[str], rows: Sequence[Sequence[str]], total: str, width: int
+) -> "RichTable":
+    from rich.table import Table as RichTable
+    from rich.text import Text
+
+    grid = RichTable(
+        box=None, pad_edge=False, padding=(0, 2, 0, 0), header_style="dim", caption_justify="left"
+    )
+    for number, header in enumerate(headers):
+        side: Any = "left" if number == 0 else "right"
+        grid.add_column(Text(header), justify=side, no_wrap=True, overflow="ellipsis")
+    for row in rows:
+        grid.add_row(*map(Text, row))
+    outer = RichTable.grid()
+    outer.add_column(no_wrap=True, overflow="ellipsis", max_width=width)
+    if rows:
+        outer.add_row(grid)
+    outer.add_row(Text(total, style="bold"))
+    return outer
+
+
+def _widths(shown: "Table", room: int) -> list[int]:
+    """The widths of as many columns as there is room for; headers are broken before numbers are.
+
+    rich would take the room from any column, and cut numbers.
+    """
+    cells = list(zip(*shown.rows, strict=True)) if shown.rows else [()] * len(shown.headers)
+    least = [
+        max(map(len, (*cells[number], *header.split())))
+        for number, header in enumerate(shown.headers)
+    ]
+    while len(least) > 1 and sum(least) + _GAP * (len(least) - 1) > room:
+        least.pop()
+    spare = room - sum(least) - _GAP * (len(least) - 1)
+    for number in range(len(least)):
+        more = min(spare, max(0, len(shown.headers[number]) - least[number]))
+        least[number] += more
+        spare -= more
+    return least
+
+
+def _print(stream: TextIO, *shown: Any) -> None:
+    """Lay out for a terminal; for a file or a pipe without the spaces that fill the lines."""
+    console = _console(stream)
+    if stream.isatty():
+        console.print(*shown, sep="\n")
+        return
+    with console.capture() as capture:
+        console.print(*shown, sep="\n")
+    stream.write("".join(f"{line.rstrip()}\n" for line in capture.get().splitlines()))
+    stream.flush()
+
+
+def _console(stream: TextIO) -> "Console":
+    from rich.console import Console
+
+    width = None if stream.isatty() else _PIPED_WIDTH
+    return Console(file=stream, width=width, markup=False, emoji=False, highlight=False)
+
+
+def _to_stderr(text: str) -> None:
+    with suppress(OSError):  # the terminal may be gone; the work is worth more than the line
+        print(text, file=sys.stderr, flush=True)

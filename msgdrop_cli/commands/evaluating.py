@@ -1,0 +1,120 @@
+"""Evaluates trained runs where something is missing; shared by every command that needs numbers."""
+
+import shutil
+from collections.abc import Sequence
+from contextlib import ExitStack
+from dataclasses import replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+from msgdrop_cli.analysis.summary import Summary
+from msgdrop_cli.commands.options import check_device
+from msgdrop_cli.commands.progress import Watch, Watched
+from msgdrop_cli.errors import DefinitionError, RecordError, RunError
+from msgdrop_cli.records.store import RunRecord, list_runs
+from msgdrop_cli.scheduler import Stopped, Task, graceful_stop, run_tasks
+
+POLICY = "policy.safetensors"
+_COPIED = ("run.json", POLICY, "metrics.jsonl", "episodes.jsonl")
+
+
+def read_runs(root: Path) -> list[RunRecord]:
+    """The runs in a folder that the user named; what is wrong with it is the user's mistake (2)."""
+    try:
+        return list_runs(root)
+    except RecordError as error:
+        raise DefinitionError(str(error)) from error
+
+
+def trained_runs(root: Path) -> list[RunRecord]:
+    """The runs in a folder that left a policy: our own, or the published ones if it has no others.
+
+    Raises DefinitionError if there is none.
+    """
+    runs = [r for r in read_runs(root) if r.status == "done" and (r.path / POLICY).is_file()]
+    if not runs:
+        raise DefinitionError(f"{root}: holds no trained policy (train one: msgdrop ablate)")
+    return [run for run in runs if _is_ours(run)] or runs
+
+
+def evaluated(
+    records: Sequence[RunRecord],
+    broken_links: Sequence[float],
+    episodes: int,
+    *,
+    device: str,
+    workers: int,
+    keep: ExitStack,
+) -> list[RunRecord]:
+    """The records with at least `episodes` episodes for each fraction of broken links.
+
+    Published runs are never written to: what they lack is played in a copy that lives as long as
+    `keep`. Raises RunError if an evaluation fails, Stopped if a signal asks for it.
+    """
+    missing = {r.run_id for r in records if _lacks(r, broken_links, episodes)}
+    if not missing:
+        return list(records)
+    check_device(device)
+    places = [
+        record if record.run_id not in missing or _is_ours(record) else _copy(record, keep)
+        for record in records
+    ]
+    tasks = [
+        Task(
+            root=place.path,
+            trained=(place,),
+            broken_links=tuple(broken_links),
+            episodes=episodes,
+            device=device,
+        )
+        for place in places
+        if place.run_id in missing
+    ]
+    with graceful_stop() as control:
+        watched = [_watched(place) for place in places if place.run_id in missing]
+        with Watch(watched, control) as watch:
+            outcomes = run_tasks(tasks, control, workers=workers, finished=watch.finished)
+        if control.signal is not None:
+            raise Stopped(control.signal)
+    if bad := [outcome for outcome in outcomes if outcome.status != "done"]:
+        raise RunError(f"{bad[0].path}: {bad[0].reason}")
+    return [list_runs(place.path)[0] for place in places]
+
+
+def only(summary: Summary, broken_links: Sequence[float]) -> Summary:
+    """The summary without the rows of other fractions of broken links."""
+    return replace(
+        summary,
+        arms=tuple(
+            replace(arm, rows=tuple(row for row in arm.rows if row.broken_links in broken_links))
+            for arm in summary.arms
+        ),
+    )
+
+
+def _lacks(record: RunRecord, broken_links: Sequence[float], episodes: int) -> bool:
+    return any(len(record.episodes(fraction)) < episodes for fraction in broken_links)
+
+
+def _is_ours(record: RunRecord) -> bool:
+    """Whether it stands where training puts it, in `runs/<environment>/<run>`."""
+    return record.path.resolve().parts[-3:-2] == ("runs",)
+
+
+def _copy(record: RunRecord, keep: ExitStack) -> RunRecord:
+    folder = Path(keep.enter_context(TemporaryDirectory(prefix="msgdrop-"))) / record.path.name
+    folder.mkdir()
+    for name in _COPIED:
+        if (record.path / name).is_file():
+            shutil.copyfile(record.path / name, folder / name)
+    return list_runs(folder)[0]
+
+
+def _watched(record: RunRecord) -> Watched:
+    return Watched(
+        run_id=record.run_id,
+        name=f"{record.label}, seed {record.seed}",
+        path=record.path,
+        train_env_steps=record.env_steps,
+        env_steps=record.env_steps,
+    )

@@ -1,0 +1,51 @@
+"""What `eval` and `unstable-test` do: play what is missing, then report."""
+
+from collections.abc import Sequence
+from contextlib import ExitStack
+from pathlib import Path
+
+from msgdrop_cli.commands import console
+from msgdrop_cli.commands.evaluating import evaluated, trained_runs
+from msgdrop_cli.commands.reporting import FIGURES, report
+from msgdrop_cli.commands.words import several
+from msgdrop_cli.definition.spec import Claim, Definition
+from msgdrop_cli.records.store import RunRecord
+
+
+def measure(
+    results: Path,
+    *,
+    broken_links: Sequence[float],
+    episodes: int,
+    workers: int,
+    device: str,
+    as_json: bool,
+    question: Definition | None = None,
+) -> None:
+    """Report every trained policy in a folder for these fractions of broken links.
+
+    With a question, its claims are judged where both variants are there, and figures are drawn.
+    Raises DefinitionError for a folder without policies, RecordError, RunError and Stopped.
+    """
+    runs = trained_runs(results)
+    console.note(f"{several(len(runs), 'trained run')} below {results}")
+    with ExitStack() as keep:
+        records = evaluated(runs, broken_links, episodes, device=device, workers=workers, keep=keep)
+        report(
+            records,
+            broken_links=broken_links,
+            claims=_judgeable(question, records) if question else (),
+            order=tuple(question.variants) if question else (),
+            figures=results / FIGURES / question.name if question else None,
+            as_json=as_json,
+        )
+
+
+def _judgeable(question: Definition, records: Sequence[RunRecord]) -> list[Claim]:
+    """The claims whose two variants were both trained, on their environment."""
+    arms = {(record.environment, record.variant) for record in records}
+    return [
+        claim
+        for claim in question.claims
+        if {(claim.environment, claim.better), (claim.environment, claim.worse)} <= arms
+    ]

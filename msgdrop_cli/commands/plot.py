@@ -1,0 +1,31 @@
+"""`msgdrop plot`: every figure that the records in a folder allow."""
+
+from pathlib import Path
+
+import typer
+
+from msgdrop_cli.commands import console, options
+from msgdrop_cli.errors import DefinitionError
+
+app = typer.Typer()
+
+
+@app.command()
+def plot(results: options.Folder = Path("results"), json: options.Json = False) -> int:
+    """Draw every figure that the records allow.
+
+    RESULTS is a folder (default: results); the figures go to RESULTS/figures.
+    """
+    from msgdrop_cli.commands.evaluating import read_runs
+    from msgdrop_cli.commands.reporting import FIGURES
+    from msgdrop_cli.report.figures import draw_all
+
+    paths = draw_all(read_runs(results), results / FIGURES)
+    if json:
+        console.result_json([str(path) for path in paths])
+        return 0
+    if not paths:
+        raise DefinitionError(f"{results}: no run is finished yet, so there is nothing to draw")
+    for path in paths:
+        console.result(str(path))
+    return 0

@@ -1,0 +1,62 @@
+"""`msgdrop publish`: finished runs of a question as small records, tables and figures to commit."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from msgdrop_cli.commands import console, options
+from msgdrop_cli.definition.load import load_definition
+from msgdrop_cli.definition.plan import plan
+from msgdrop_cli.errors import DefinitionError
+
+app = typer.Typer()
+
+
+@app.command()
+def publish(
+    name: Annotated[str, typer.Argument(metavar="NAME|FILE.toml", help="The question.")],
+    profile: options.Profile = "quick",
+    results: options.Results = Path("results"),
+    to: Annotated[
+        Path, typer.Option(metavar="DIR", help="Where published records are kept.")
+    ] = Path("results/published"),
+) -> int:
+    """Copy a question's finished runs, with tables and figures, to where they can be committed.
+
+    The numbers of every run go along, and the policy of each variant's lowest seed.
+    """
+    definition = load_definition(name)
+    from msgdrop_cli.analysis.claims import judge_claims
+    from msgdrop_cli.analysis.summary import summarise
+    from msgdrop_cli.commands.estimate import survey
+    from msgdrop_cli.commands.training import as_planned
+    from msgdrop_cli.engine.catalogue import catalogue
+    from msgdrop_cli.report.figures import draw_all
+    from msgdrop_cli.report.publish import publish as copy
+    from msgdrop_cli.report.publish import tables
+    from msgdrop_cli.report.write import write_atomic
+
+    asked = plan(definition, profile, catalogue())
+    looked_up = survey(asked.runs, results)
+    records = [
+        as_planned(looked_up.records[run.run_id], run)
+        for run in looked_up.runs
+        if looked_up.status(run) == "done"
+    ]
+    if not records:
+        raise DefinitionError(
+            f"{results}: holds no finished run of {definition.name}, profile {profile}"
+            f" (train them: msgdrop ablate {definition.name} --profile {profile})"
+        )
+    folder = to / f"{definition.name}-{profile}"
+    for path in copy(records, folder / "runs"):
+        console.result(str(path))
+    order = tuple(definition.variants)
+    summary = summarise(records, order=order)
+    text = tables(summary, judge_claims(asked.claims, summary))
+    write_atomic(folder / "TABLES.md", text.encode())
+    console.result(str(folder / "TABLES.md"))
+    for figure in draw_all(records, folder / "figures", order=order):
+        console.result(str(figure))
+    return 0

@@ -1,0 +1,87 @@
+"""Shows what records say: tables, verdicts on claims, figures; as text or as one JSON document."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from msgdrop_cli.analysis.claims import Verdict, judge_claims
+from msgdrop_cli.analysis.summary import summarise
+from msgdrop_cli.commands import console
+from msgdrop_cli.commands.evaluating import only
+from msgdrop_cli.definition.spec import Claim
+from msgdrop_cli.records.store import RunRecord
+from msgdrop_cli.report.figures import draw_all
+from msgdrop_cli.report.table import broken_links_table, claims_table, results_table
+
+FIGURES = "figures"
+"""The folder of the figures in a results folder."""
+_TEXT_COLUMNS = 2
+"""Variant and seeds; every other column holds numbers."""
+
+
+def report(
+    records: Sequence[RunRecord],
+    *,
+    broken_links: Sequence[float],
+    claims: Sequence[Claim] = (),
+    order: Sequence[str] = (),
+    figures: Path | None = None,
+    as_json: bool = False,
+    about: Mapping[str, Any] | None = None,
+) -> None:
+    """Show one table per group of comparable runs, the claims' verdicts, and the figures' paths.
+
+    With several fractions of broken links a second table stands them side by side.
+    Raises RecordError: rows that cannot be read, or figures that cannot be written (73, 74).
+    """
+    summary = only(summarise(records, order=order), broken_links)
+    verdicts = judge_claims(claims, summary)
+    drawn = draw_all(records, figures, order=order) if figures else []
+    if as_json:
+        console.result_json(
+            {
+                **(about or {}),
+                "results": summary.to_json(),
+                "claims": [_verdict_json(verdict) for verdict in verdicts],
+                "figures": [str(path) for path in drawn],
+            }
+        )
+        return
+    for group in summary.groups:
+        console.table(results_table(summary, group, broken_links[0]), numbers_from=_TEXT_COLUMNS)
+        if len(broken_links) > 1:
+            console.table(broken_links_table(summary, group), numbers_from=_TEXT_COLUMNS)
+    if verdicts:
+        _show(verdicts)
+    for number, path in enumerate(drawn):
+        console.result(("" if number or verdicts else "\n") + f"figure  {path}")
+
+
+def _show(verdicts: Sequence[Verdict]) -> None:
+    """Claims as paragraphs: their sentences are too long for the cells of a terminal's table."""
+    rows = []
+    for claim, tested_on, compared, difference, verdict, why in claims_table(verdicts).rows:
+        rows.append((verdict, claim, f"{compared}: difference {difference}", f"{why}; {tested_on}"))
+    console.verdicts(rows)
+
+
+def _verdict_json(verdict: Verdict) -> dict[str, Any]:
+    claim = verdict.claim
+    return {
+        "says": claim.says,
+        "source": claim.source,
+        "better": claim.better,
+        "worse": claim.worse,
+        "environment": claim.environment,
+        "metric": claim.metric,
+        "measure": claim.measure,
+        "broken_links": claim.broken_links,
+        "group": verdict.group._asdict() if verdict.group else None,
+        "verdict": verdict.verdict,
+        "reason": verdict.reason,
+        "difference": verdict.difference,
+        "low": verdict.low,
+        "high": verdict.high,
+        "seeds": verdict.seeds,
+        "paired": verdict.paired,
+    }

@@ -1,0 +1,102 @@
+"""`msgdrop status`: which runs there are and how far they have come; loads nothing heavy."""
+
+import time
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+import typer
+
+from msgdrop_cli.commands import console, options
+from msgdrop_cli.commands.words import duration, several
+from msgdrop_cli.records.store import RunRecord
+
+app = typer.Typer()
+
+_SILENT_S = 30.0
+"""A run at work writes about once a second; who is silent for so long may have been killed."""
+
+
+@app.command()
+def status(results: options.Folder = Path("results"), json: options.Json = False) -> int:
+    """List the runs and how far they have come."""
+    from msgdrop_cli.commands.evaluating import read_runs
+    from msgdrop_cli.commands.progress import progress
+
+    lines = [_line(record, progress(record.path)) for record in read_runs(results)]
+    if json:
+        console.result_json(lines)
+        return 0
+    from msgdrop_cli.report.table import Table
+
+    words = [line["status"] for line in lines]
+    counts = ", ".join(f"{words.count(word)} {word}" for word in dict.fromkeys(words))
+    console.table(
+        Table(
+            title=f"{several(len(lines), 'run')}: {counts}",
+            headers=(
+                "environment",
+                "variant",
+                "profile",
+                "status",
+                "seed",
+                "env steps",
+                "done",
+                "left",
+            ),
+            rows=tuple(_cells(line) for line in lines),
+            caption="",
+        ),
+        numbers_from=4,
+    )
+    for line in lines:
+        if line["reason"]:
+            console.result(f"{line['status']}: {line['path']}: {line['reason']}")
+    return 0
+
+
+def _line(record: RunRecord, now: dict[str, Any]) -> dict[str, Any]:
+    total = record.spec.get("training", {}).get("train_env_steps")
+    running = record.status == "running"
+    return {
+        "environment": record.environment,
+        "variant": record.variant,
+        "label": record.label,
+        "seed": record.seed,
+        "definition": record.definition,
+        "profile": record.profile,
+        "run_id": record.run_id,
+        "status": record.status,
+        "reason": record.reason,
+        "env_steps": int(now["env_steps"]) if running and now else record.env_steps,
+        "train_env_steps": total if isinstance(total, int) else None,
+        "env_steps_per_s": now.get("env_steps_per_s") if running else None,
+        "eta_s": now.get("eta_s") if running else None,
+        "silent_s": _silence(record) if running else None,
+        "path": str(record.path),
+    }
+
+
+def _silence(record: RunRecord) -> float | None:
+    """Seconds since a running run wrote its progress, by the clock of the file system."""
+    with suppress(OSError):
+        return max(0.0, round(time.time() - (record.path / "progress.json").stat().st_mtime, 1))
+    return None
+
+
+def _cells(line: dict[str, Any]) -> tuple[str, ...]:
+    total, left = line["train_env_steps"], line["eta_s"]
+    word = str(line["status"])
+    if word == "running" and (line["silent_s"] is None or line["silent_s"] > _SILENT_S):
+        word = "running?" if line["silent_s"] is None else f"silent {duration(line['silent_s'])}"
+        left = None
+    return (
+        line["environment"],
+        line["label"],
+        line["profile"],
+        word,
+        str(line["seed"]),
+        f"{line['env_steps']:,}",
+        f"{line['env_steps'] / total:.0%}" if total else "",
+        duration(left) if left is not None else "",
+    )

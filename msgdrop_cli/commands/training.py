@@ -1,0 +1,241 @@
+"""What `ablate` and `train` do: plan, train what is missing, evaluate, report."""
+
+from collections.abc import Sequence
+from contextlib import ExitStack, suppress
+from pathlib import Path
+from typing import Any
+
+from msgdrop_cli.commands import console
+from msgdrop_cli.commands.estimate import (
+    Estimate,
+    Survey,
+    check_folder,
+    cohorts,
+    estimate,
+    survey,
+)
+from msgdrop_cli.commands.evaluating import evaluated
+from msgdrop_cli.commands.options import TrainOptions, check_device
+from msgdrop_cli.commands.progress import Watch, Watched
+from msgdrop_cli.commands.reporting import FIGURES, report
+from msgdrop_cli.commands.words import duration, several, size
+from msgdrop_cli.definition.plan import Plan, plan
+from msgdrop_cli.definition.spec import Definition, PlannedRun
+from msgdrop_cli.errors import RecordError
+from msgdrop_cli.records.store import RunRecord, list_runs, run_path
+from msgdrop_cli.report.table import links_text
+from msgdrop_cli.scheduler import Outcome, Stopped, Task, graceful_stop, run_tasks
+
+
+def carry_out(definition: Definition, options: TrainOptions) -> int:
+    """Everything between the definition and its table; returns the exit code.
+
+    Raises DefinitionError before anything is written, RecordError, and Stopped.
+    """
+    from msgdrop_cli.engine.catalogue import catalogue
+
+    asked = plan(
+        definition,
+        options.profile,
+        catalogue(),
+        overrides=options.overrides,
+        seeds=options.seeds,
+    )
+    check_device(options.device)
+    looked_up = survey(asked.runs, options.results)
+    tasks = cohorts(looked_up.pending, options.workers, options.device)
+    cost = estimate(
+        looked_up,
+        tasks,
+        _finished_runs(options.results),
+        workers=options.workers,
+        device=options.device,
+        episodes=asked.evaluation_episodes * len(asked.broken_links),
+    )
+    if options.dry_run and options.json:
+        console.result_json(_plan_json(asked, looked_up, cost))
+        return 0
+    facts = _plan_facts(asked, looked_up, cost, options)
+    console.facts(facts, is_result=options.dry_run)
+    if options.dry_run:
+        return 0
+    outcomes: list[Outcome] = []
+    if tasks:
+        check_folder(options.results, cost.disk_bytes)
+        outcomes = _train(asked, looked_up, tasks, options)
+    else:
+        console.note("nothing to train")
+    broken = _report(asked, options, outcomes)
+    return max(broken, *(outcome.exit_code for outcome in outcomes), 0)
+
+
+def _train(
+    asked: Plan,
+    looked_up: Survey,
+    tasks: Sequence[tuple[PlannedRun, ...]],
+    options: TrainOptions,
+) -> list[Outcome]:
+    todo = [
+        Task(
+            root=options.results,
+            train=cohort,
+            broken_links=asked.broken_links,
+            episodes=asked.evaluation_episodes,
+            device=options.device,
+        )
+        for cohort in tasks
+    ]
+    several_environments = len({run.spec.environment for run in asked.runs}) > 1
+    watched = [
+        Watched(
+            run_id=run.run_id,
+            name=", ".join(
+                [run.spec.environment] * several_environments + [run.label, f"seed {run.spec.seed}"]
+            ),
+            path=_place(looked_up, run, options.results),
+            train_env_steps=run.spec.training.train_env_steps,
+            env_steps=looked_up.env_steps(run),
+        )
+        for cohort in tasks
+        for run in cohort
+    ]
+    with graceful_stop() as control:
+        with Watch(watched, control) as watch:
+            outcomes = run_tasks(todo, control, workers=options.workers, finished=watch.finished)
+        if control.signal is not None:
+            raise Stopped(control.signal)
+    return outcomes
+
+
+def _report(asked: Plan, options: TrainOptions, outcomes: Sequence[Outcome]) -> int:
+    """The numbers of this plan's runs, whoever trained them, under this plan's names.
+
+    Returns 3 if some of them failed or diverged, else 0.
+    """
+    looked_up = survey(asked.runs, options.results)
+    done = [record for record in looked_up.records.values() if record.status == "done"]
+    lost = {outcome.run_id for outcome in outcomes if outcome.status != "done"}
+    with ExitStack() as keep:
+        complete = evaluated(
+            [record for record in done if record.run_id not in lost],
+            asked.broken_links,
+            asked.evaluation_episodes,
+            device=options.device,
+            workers=options.workers,
+            keep=keep,
+        )
+        current = dict(looked_up.records) | {record.run_id: record for record in complete}
+        records = [
+            as_planned(current[run.run_id], run) for run in asked.runs if run.run_id in current
+        ]
+        if records or options.json:
+            report(
+                records,
+                claims=asked.claims,
+                order=tuple(asked.definition.variants),
+                broken_links=asked.broken_links,
+                figures=options.results / FIGURES / f"{asked.definition.name}-{asked.profile}",
+                as_json=options.json,
+                about={
+                    "definition": asked.definition.name,
+                    "profile": asked.profile,
+                    "runs": [_outcome_json(run, current.get(run.run_id)) for run in looked_up.runs],
+                },
+            )
+    words = {looked_up.status(run) for run in asked.runs}
+    return 3 if words & {"failed", "diverged"} else 0
+
+
+def as_planned(record: RunRecord, planned: PlannedRun) -> RunRecord:
+    """A run that another question may have trained first, by the names of this one."""
+    names = {
+        "variant": planned.variant,
+        "label": planned.label,
+        "definition": planned.definition,
+        "profile": planned.profile,
+    }
+    return RunRecord(record.path, record.run | names)
+
+
+def _place(looked_up: Survey, run: PlannedRun, root: Path) -> Path:
+    record = looked_up.records.get(run.run_id)
+    return record.path if record else run_path(root, run)
+
+
+def _finished_runs(root: Path) -> list[RunRecord]:
+    """Runs to learn speeds from; a damaged one elsewhere in the folder is no matter here."""
+    with suppress(RecordError):
+        return [record for record in list_runs(root) if record.status == "done"]
+    return []
+
+
+def _plan_facts(
+    asked: Plan, looked_up: Survey, cost: Estimate, options: TrainOptions
+) -> dict[str, str]:
+    """The plan in words; the keys are the names beside them."""
+    definition = asked.definition
+    variants = list(dict.fromkeys(run.label for run in asked.runs))
+    seeds = sorted({run.spec.seed for run in asked.runs})
+    environments = list(dict.fromkeys(run.spec.environment for run in asked.runs))
+    pending, resumable = len(looked_up.pending), len(looked_up.resumable)
+    runs = several(len(looked_up.runs), "run")
+    diverged = sum(looked_up.status(run) == "diverged" for run in looked_up.runs)
+    states = {
+        "finished": len(looked_up.runs) - pending - diverged,
+        "diverged": diverged,
+        "to go on with": resumable,
+        "new": pending - resumable,
+    }
+    runs += ": " + ", ".join(f"{count} {word}" for word, count in states.items() if count)
+    left = sum(looked_up.env_steps_left(run) for run in looked_up.pending)
+    links = ", ".join(map(links_text, asked.broken_links))
+    workers = several(min(options.workers, len(looked_up.pending)), "worker")
+    facts = {
+        "title": definition.title,
+        "question": definition.question,
+        "source": definition.source,
+        "profile": f"{asked.profile}, on {', '.join(environments)}",
+        "variants": ", ".join(variants),
+        "seeds": ", ".join(map(str, seeds)),
+        "runs": runs,
+    }
+    if looked_up.pending:
+        facts |= {
+            "training": f"{left:,} env steps",
+            "evaluation": f"{asked.evaluation_episodes:,} episodes a run, links broken: {links}",
+            "time": f"about {duration(cost.seconds)} with {workers} ({cost.source})",
+            "disk": f"up to {size(cost.disk_bytes)} in {options.results}",
+        }
+    return facts
+
+
+def _plan_json(asked: Plan, looked_up: Survey, cost: Estimate) -> dict[str, Any]:
+    return {
+        "definition": asked.definition.name,
+        "profile": asked.profile,
+        "runs": [
+            _outcome_json(run, looked_up.records.get(run.run_id))
+            | {"env_steps_left": looked_up.env_steps_left(run)}
+            for run in looked_up.runs
+        ],
+        "env_steps": sum(looked_up.env_steps_left(run) for run in looked_up.pending),
+        "broken_links": list(asked.broken_links),
+        "evaluation_episodes": asked.evaluation_episodes,
+        "seconds": round(cost.seconds),
+        "seconds_source": cost.source,
+        "disk_bytes": cost.disk_bytes,
+    }
+
+
+def _outcome_json(run: PlannedRun, record: RunRecord | None) -> dict[str, Any]:
+    return {
+        "run_id": run.run_id,
+        "variant": run.variant,
+        "environment": run.spec.environment,
+        "seed": run.spec.seed,
+        "status": record.status if record else "planned",
+        "reason": record.reason if record else None,
+        "env_steps": record.env_steps if record else 0,
+        "train_env_steps": run.spec.training.train_env_steps,
+        "path": str(record.path) if record else None,
+    }

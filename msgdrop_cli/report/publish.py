@@ -1,0 +1,63 @@
+"""Finished runs as small records that can be committed: numbers of all, one policy a variant."""
+
+import shutil
+from collections.abc import Sequence
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+from msgdrop_cli.analysis.claims import Verdict
+from msgdrop_cli.analysis.summary import Summary
+from msgdrop_cli.errors import RecordError
+from msgdrop_cli.records.files import CANNOT_WRITE
+from msgdrop_cli.records.store import RunRecord
+from msgdrop_cli.report.table import broken_links_table, claims_table, results_table, to_markdown
+
+NUMBERS = ("run.json", "metrics.jsonl", "episodes.jsonl")
+POLICY = "policy.safetensors"
+
+
+def publish(records: Sequence[RunRecord], folder: Path) -> list[Path]:
+    """Copy finished runs below `folder`: their numbers, and the policy of each lowest seed.
+
+    A run that stands there already is replaced as a whole. Returns the copies' paths.
+    Raises RecordError (74), with nothing half-copied.
+    """
+    lowest: dict[tuple[str, str], int] = {}
+    for record in records:
+        arm = (record.environment, record.variant)
+        lowest[arm] = min(record.seed, lowest.get(arm, record.seed))
+    copies = []
+    for record in records:
+        with_policy = record.seed == lowest[record.environment, record.variant]
+        target = folder / record.environment / record.path.name
+        _copy(record.path, target, (*NUMBERS, POLICY) if with_policy else NUMBERS)
+        copies.append(target)
+    return copies
+
+
+def tables(summary: Summary, verdicts: Sequence[Verdict]) -> str:
+    """Every table of a summary as one Markdown page."""
+    pages = []
+    for group in summary.groups:
+        pages.append(results_table(summary, group))
+        if len({row.broken_links for arm in summary.arms_of(group) for row in arm.rows}) > 1:
+            pages.append(broken_links_table(summary, group))
+    if verdicts:
+        pages.append(claims_table(verdicts))
+    return "\n".join(to_markdown(page) for page in pages)
+
+
+def _copy(source: Path, target: Path, names: Sequence[str]) -> None:
+    try:
+        target.parent.mkdir(parents=True, exist_ok=True)
+        with TemporaryDirectory(dir=target.parent, prefix=".tmp-") as scratch:
+            copy = Path(scratch) / target.name
+            copy.mkdir()
+            for name in names:
+                if (source / name).exists():
+                    shutil.copyfile(source / name, copy / name)
+            if target.exists():
+                target.rename(Path(scratch) / "old")
+            copy.rename(target)
+    except OSError as error:
+        raise RecordError(f"{target}: cannot be written: {error.strerror}", CANNOT_WRITE) from error

@@ -1,0 +1,300 @@
+"""Cohorts to outcomes: what is to be done, on joblib workers that survive, stop and die cleanly.
+
+* A worker dies with this process, however it ends, and leaves all signals to it.
+* Ctrl-C is a file that the workers look for; they write their checkpoints and return.
+* A worker that dies breaks joblib's whole pool: what is unfinished is submitted again.
+"""
+
+import ctypes
+import os
+import shutil
+import signal
+import sys
+import tempfile
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass, replace
+from pathlib import Path
+from types import FrameType
+
+from msgdrop_cli.definition.spec import PlannedRun
+from msgdrop_cli.errors import MsgdropError, RecordError
+from msgdrop_cli.records.files import run_lock
+from msgdrop_cli.records.store import RunRecord, find_run, set_status
+
+TRIES = 3
+"""How often a run is begun or continued if its worker dies."""
+_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+_PR_SET_PDEATHSIG = 1
+_Arrived = Callable[[Sequence["Outcome"]], None]
+
+
+class Stopped(Exception):
+    """The user (or the machine) asked us to stop, and everything is written."""
+
+    def __init__(self, signum: int) -> None:
+        super().__init__(f"stopped by signal {signum}")
+        self.signal = signum
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Task:
+    """What one worker does in one go: train a cohort, or take trained runs; then evaluate them."""
+
+    root: Path
+    train: tuple[PlannedRun, ...] = ()
+    trained: tuple[RunRecord, ...] = ()
+    broken_links: tuple[float, ...]
+    """Fractions of links broken, one evaluation each."""
+    episodes: int
+    device: str
+
+    @property
+    def run_ids(self) -> tuple[str, ...]:
+        """One outcome is owed for each of these."""
+        return tuple(run.run_id for run in self.train) + tuple(run.run_id for run in self.trained)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Outcome:
+    """How one run ended."""
+
+    run_id: str
+    path: Path | None
+    """None if nothing was written."""
+    status: str
+    """done, failed, diverged or interrupted."""
+    reason: str | None = None
+    env_steps: int = 0
+    wall_time_s: float = 0.0
+    exit_code: int = 0
+    """What the command exits with on account of this run."""
+
+
+@dataclass(slots=True)
+class Control:
+    """The files through which this process and its workers talk: stop, and who is at work."""
+
+    folder: Path
+    signal: int | None = None
+    """The signal that asked us to stop."""
+
+    def stopping(self) -> bool:
+        """Whether everybody should write checkpoints and return."""
+        return (self.folder / "stop").exists()
+
+    def mark(self, run_id: str, phase: str) -> None:
+        """Note, for the progress display only, what a worker does with this run."""
+        with suppress(OSError):
+            (self.folder / run_id).write_text(phase)
+
+    def phase(self, run_id: str) -> str | None:
+        """What a worker does with this run, None before it began."""
+        try:
+            return (self.folder / run_id).read_text()
+        except OSError:
+            return None
+
+
+@contextmanager
+def graceful_stop() -> Iterator[Control]:
+    """Turns the first SIGINT, SIGTERM or SIGHUP into a request to stop, the second into the end."""
+    with tempfile.TemporaryDirectory(prefix="msgdrop-") as folder:
+        control = Control(Path(folder))
+
+        def handle(signum: int, _: FrameType | None) -> None:
+            if control.signal is None:
+                control.signal = signum
+                (control.folder / "stop").touch()
+                return
+            # The workers die with us, and an interrupted file operation leaves the old file.
+            if sys.stderr.isatty():
+                os.write(2, b"\x1b[?25h\n")  # shows the cursor
+            shutil.rmtree(folder, ignore_errors=True)
+            os._exit(128 + signum)
+
+        before = {each: signal.signal(each, handle) for each in _SIGNALS}
+        try:
+            yield control
+        finally:
+            for each, handler in before.items():
+                signal.signal(each, handler)
+
+
+def run_tasks(
+    tasks: Sequence[Task],
+    control: Control,
+    *,
+    workers: int,
+    finished: Callable[[Outcome], None] = lambda outcome: None,
+) -> list[Outcome]:
+    """Do all tasks; returns one outcome for each of their runs, in the order of the tasks.
+
+    `finished` is called with each outcome as it arrives. One worker, or one task, is done in
+    this process. After a request to stop, what was not begun is `interrupted`.
+    """
+    outcomes: dict[str, Outcome] = {}
+
+    def arrived(news: Sequence[Outcome]) -> None:
+        for outcome in news:
+            outcomes[outcome.run_id] = outcome
+            finished(outcome)
+
+    if min(workers, len(tasks)) <= 1:
+        for task in tasks:
+            if not control.stopping():
+                arrived(work(task, control))
+    else:
+        _in_pool(list(tasks), control, workers, arrived)
+    for task in tasks:
+        arrived([_interrupted(each) for each in task.run_ids if each not in outcomes])
+    return [outcomes[run_id] for task in tasks for run_id in task.run_ids]
+
+
+def work(task: Task, control: Control) -> list[Outcome]:
+    """Train and evaluate; every error becomes the outcome of the runs that it hit."""
+    outcomes = [
+        Outcome(run_id=record.run_id, path=record.path, status="done", env_steps=record.env_steps)
+        for record in task.trained
+    ]
+    if task.train:
+        for run in task.train:
+            control.mark(run.run_id, "training")
+        try:
+            outcomes += _train(task, control)
+        except Exception as error:
+            outcomes += [_failure(run.run_id, error) for run in task.train]
+    return [_evaluated(task, outcome, control) for outcome in outcomes]
+
+
+@dataclass(slots=True, eq=False)
+class _Attempt:
+    task: Task
+    tries: int = 0
+
+
+def _in_pool(tasks: list[Task], control: Control, workers: int, arrived: _Arrived) -> None:
+    """Do the tasks on worker processes, anew while a worker dies on the way.
+
+    Nobody knows which task killed it: each one's last try is alone, so none pays for another.
+    """
+    waiting = [_Attempt(task) for task in tasks]
+    while waiting and not control.stopping():
+        last = [each for each in waiting if each.tries == TRIES - 1]
+        batch = last[:1] if len(last) == len(waiting) else [e for e in waiting if e not in last]
+        done, lost = _one_pool(batch, control, workers, arrived)
+        for attempt in lost:
+            attempt.tries += 1
+            if attempt.tries == TRIES and not control.stopping():
+                arrived([_killed(attempt.task, run_id) for run_id in attempt.task.run_ids])
+        waiting = [e for e in waiting if e not in done and e.tries < TRIES]
+
+
+def _one_pool(
+    batch: Sequence[_Attempt], control: Control, workers: int, arrived: _Arrived
+) -> tuple[list[_Attempt], list[_Attempt]]:
+    """Run a batch until it is done or a worker dies: what is done, and what was in flight then."""
+    from joblib import Parallel, delayed, parallel_config
+    from joblib.externals.loky.process_executor import BrokenProcessPool
+
+    owner = {run_id: attempt for attempt in batch for run_id in attempt.task.run_ids}
+    begun: list[_Attempt] = []
+    done: list[_Attempt] = []
+
+    def calls() -> Iterator[object]:
+        for attempt in batch:
+            if control.stopping():
+                return
+            begun.append(attempt)
+            yield delayed(work)(attempt.task, control)
+
+    try:
+        start = {"initializer": _begin_worker, "initargs": (os.getpid(),)}
+        with parallel_config("loky", inner_max_num_threads=1, **start):
+            pool = Parallel(
+                n_jobs=max(2, min(workers, len(batch))),  # 1 would be this process
+                return_as="generator_unordered",
+                pre_dispatch="n_jobs",
+                batch_size=1,
+            )
+            for outcomes in pool(calls()):
+                done.append(owner[outcomes[0].run_id])
+                arrived(outcomes)
+    except BrokenProcessPool:
+        return done, [attempt for attempt in begun or batch if attempt not in done]
+    return done, []
+
+
+def _begin_worker(parent: int) -> None:
+    """Tie this process to its parent's life and leave the signals to it."""
+    ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL, 0, 0, 0)
+    if os.getppid() != parent:  # it died before we could ask
+        os._exit(1)
+    for each in _SIGNALS:
+        signal.signal(each, signal.SIG_IGN)
+
+
+def _train(task: Task, control: Control) -> list[Outcome]:
+    from msgdrop_cli.engine.run import train_cohort
+
+    made = train_cohort(task.train, task.root, device=task.device, stop=control.stopping)
+    return [
+        Outcome(
+            run_id=each.run_id,
+            path=each.path,
+            status=each.status,
+            reason=each.reason,
+            env_steps=each.env_steps,
+            wall_time_s=each.wall_time_s,
+            exit_code=3 if each.status in ("failed", "diverged") else 0,
+        )
+        for each in made
+    ]
+
+
+def _evaluated(task: Task, outcome: Outcome, control: Control) -> Outcome:
+    """The outcome after the evaluations of a run that is trained; any other stays as it is."""
+    from msgdrop_cli.engine.evaluation import evaluate_run
+
+    if outcome.status != "done" or outcome.path is None:
+        return outcome
+    for fraction in task.broken_links:
+        control.mark(outcome.run_id, "evaluating")
+        try:
+            evaluate_run(
+                outcome.path,
+                broken_links=fraction,
+                episodes=task.episodes,
+                device=task.device,
+                stop=control.stopping,
+            )
+        except Exception as error:
+            failure = _failure(outcome.run_id, error)
+            return replace(failure, path=outcome.path, reason=f"evaluation: {failure.reason}")
+        if control.stopping():
+            return replace(outcome, status="interrupted")
+    return outcome
+
+
+def _failure(run_id: str, error: Exception) -> Outcome:
+    ours = error.exit_code if isinstance(error, MsgdropError) else 0
+    reason = str(error) if ours else f"{type(error).__name__}: {error}"
+    code = ours if ours >= 64 else 3
+    return Outcome(run_id=run_id, path=None, status="failed", reason=reason, exit_code=code)
+
+
+def _killed(task: Task, run_id: str) -> Outcome:
+    """The outcome of a run that nobody was left to write down."""
+    reason = f"its worker process died {TRIES} times (killed, or out of memory?)"
+    path = None
+    with suppress(RecordError):  # another process may train it by now
+        record = find_run(task.root, run_id)
+        if record is not None and record.status != "done":
+            path = record.path
+            with run_lock(path):
+                set_status(path, "failed", reason)
+    return Outcome(run_id=run_id, path=path, status="failed", reason=reason, exit_code=3)
+
+
+def _interrupted(run_id: str) -> Outcome:
+    return Outcome(run_id=run_id, path=None, status="interrupted")

@@ -1,0 +1,221 @@
+"""The command line as people use it: what it shows, writes and exits with."""
+
+import json
+import shutil
+from pathlib import Path
+
+import pytest
+
+from msgdrop_cli import scheduler
+from msgdrop_cli.__main__ import greeting
+from msgdrop_cli.commands import words
+from msgdrop_cli.errors import DefinitionError
+from tests.cli_runs import Store, copied_store, filled_store, msgdrop, python
+
+
+@pytest.fixture(scope="module")
+def store(tmp_path_factory: pytest.TempPathFactory) -> Store:
+    """Four tiny runs, trained once; tests that change them take `copy`."""
+    return filled_store(tmp_path_factory.mktemp("cli"))
+
+
+@pytest.fixture
+def copy(store: Store, tmp_path: Path) -> Store:
+    """The same, to be changed."""
+    return copied_store(store, tmp_path)
+
+
+def test_ablate_ends_in_a_table_a_verdict_and_a_figure(store: Store) -> None:
+    """One command trains, evaluates, compares, judges and draws."""
+    assert store.said.code == 0, store.said.err
+    assert "DCC-MD 0.2" in store.said.out
+    assert "undecided  Message-dropout is better" in store.said.out
+    figures = [line.split()[-1] for line in store.said.out.splitlines() if "figure  " in line]
+    assert figures
+    assert all(Path(figure).is_file() for figure in figures)
+
+
+def test_plan_comes_before_training(store: Store) -> None:
+    """Title, question, runs and env steps are said on stderr before the first run begins."""
+    plan, begun, _ = store.said.err.partition("training     ")
+    assert begun
+    assert "A tiny question" in plan
+    assert "4 runs: 4 new" in plan
+    assert "800 env steps" in plan
+
+
+def test_labels_are_no_markup(store: Store) -> None:
+    """A label with brackets is shown as it is, in tables and in progress."""
+    assert "DCC [/red]" in store.said.out
+    assert "DCC [/red], seed 1" in store.said.err
+
+
+def test_second_ablate_trains_nothing(store: Store) -> None:
+    """Asking again shows the same results and says that nothing was trained."""
+    again = store.ablate()
+    assert again.code == 0
+    assert "nothing to train" in again.err
+    assert again.out == store.said.out
+
+
+def test_one_more_seed_trains_only_what_is_new(copy: Store) -> None:
+    """A third seed plans two new runs beside the four finished ones."""
+    said = copy.ablate("--seeds", "3", "--dry-run")
+    assert "6 runs: 4 finished, 2 new" in said.out
+
+
+def test_json_is_one_document(store: Store) -> None:
+    """`--json` puts results, claims and figures on stdout, and nothing else."""
+    said = store.ablate("--json")
+    document = json.loads(said.out)
+    assert {row["variant"] for row in document["results"]} == {"dcc", "md-0.2"}
+    assert [run["status"] for run in document["runs"]] == ["done"] * 4
+    assert document["claims"][0]["verdict"] == "undecided"
+
+
+def test_dry_run_writes_nothing(store: Store, tmp_path: Path) -> None:
+    """`--dry-run` shows the plan with time and disk on stdout and leaves no folder."""
+    said = msgdrop("ablate", store.question, "--results", tmp_path / "new", "--dry-run")
+    assert said.code == 0
+    assert "with 2 workers" in said.out
+    assert "disk" in said.out
+    assert not (tmp_path / "new").exists()
+
+
+def test_time_is_measured_where_it_can_be(store: Store) -> None:
+    """The estimate says whether its speed is measured or a rule of thumb."""
+    assert "rule of thumb" in store.said.err
+    document = json.loads(store.ablate("--seeds", "3", "--dry-run", "--json").out)
+    assert document["env_steps"] == 400
+    assert document["seconds_source"]
+
+
+def test_train_is_a_question_of_one_variant(store: Store, tmp_path: Path) -> None:
+    """`train` plans one run of the named algorithm with the overrides."""
+    sets = ("--set", "training.train_env_steps=300", "--set", "algorithm.rate=0.4")
+    said = msgdrop("train", "--results", tmp_path / "new", *sets, "--dry-run", "--json")
+    document = json.loads(said.out)
+    assert [run["variant"] for run in document["runs"]] == ["dcc-md"]
+    assert document["env_steps"] == 300
+
+
+def test_failed_run_does_not_stop_the_others(
+    store: Store, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """With one run failing the other three end, the table says so, and the exit code is 3."""
+    train = scheduler._train
+
+    def fail_once(task: scheduler.Task, control: scheduler.Control) -> list[scheduler.Outcome]:
+        if (task.train[0].variant, task.train[0].spec.seed) == ("dcc", 1):
+            raise ValueError("the disk is on fire")
+        return train(task, control)
+
+    monkeypatch.setattr(scheduler, "_train", fail_once)
+    said = store._replace(results=tmp_path / "results").ablate()
+    assert said.code == 3
+    assert "the disk is on fire" in said.err
+    assert said.err.count("done         ") == 3
+
+
+def test_eval_stands_broken_links_beside_whole_ones(copy: Store) -> None:
+    """`eval --broken-links half` plays what is missing and shows none and half."""
+    few = ("--episodes", "8", "--workers", "1")
+    said = msgdrop("eval", copy.results, "--broken-links", "half", *few)
+    assert said.code == 0, said.err
+    assert "none broken" in said.out
+    assert "half broken" in said.out
+    again = msgdrop("eval", copy.results, "--broken-links", "half", *few)
+    assert "evaluated" not in again.err
+    assert again.out == said.out
+
+
+def test_published_runs_are_not_written_to(copy: Store) -> None:
+    """What published runs lack is played elsewhere."""
+    published = copy.results / "published"
+    (copy.results / "runs").rename(published)
+    before = {path: path.read_bytes() for path in published.rglob("*") if path.is_file()}
+    said = msgdrop(
+        "eval", copy.results, "--broken-links", "all", "--episodes", "8", "--workers", "1"
+    )
+    assert said.code == 0, said.err
+    assert "all broken" in said.out
+    assert {path: path.read_bytes() for path in published.rglob("*") if path.is_file()} == before
+
+
+def test_published_runs_count_only_without_others(copy: Store) -> None:
+    """Own runs are evaluated; the published ones stand in where there are none."""
+    shutil.copytree(copy.results / "runs", copy.results / "published")
+    for own in sorted((copy.results / "runs").rglob("md-0.2-*")):
+        shutil.rmtree(own)
+    said = msgdrop("eval", copy.results, "--episodes", "8")
+    assert "2 trained runs" in said.err
+    assert "DCC-MD" not in said.out
+
+
+def test_unstable_test_shows_all_three_channels(copy: Store) -> None:
+    """The paper's test shows none, half and all, and draws the bars."""
+    said = msgdrop("unstable-test", copy.results, "--episodes", "8", "--workers", "1")
+    assert said.code == 0, said.err
+    assert "all broken" in said.out
+    assert "figure  " in said.out
+
+
+def test_plot_prints_the_figures_paths(copy: Store) -> None:
+    """`plot` prints the path of every figure, and each of them is there."""
+    said = msgdrop("plot", copy.results)
+    assert said.code == 0, said.err
+    assert all(Path(line).stat().st_size > 1_000 for line in said.out.splitlines())
+
+
+def test_status_shows_how_far_runs_are(store: Store) -> None:
+    """`status` shows every run with its word."""
+    said = msgdrop("status", store.results)
+    assert "4 runs: 4 done" in said.out
+    assert said.out.count("100%") == 4
+
+
+def test_status_loads_nothing_heavy(store: Store) -> None:
+    """`status` is cold: no torch, numpy, matplotlib or joblib."""
+    done = python("-X", "importtime", "-m", "msgdrop_cli", "status", str(store.results))
+    assert done.returncode == 0
+    loaded = {line.rsplit("|", 1)[-1].strip() for line in done.stderr.splitlines()}
+    assert loaded & {"torch", "numpy", "matplotlib", "joblib"} == set()
+
+
+def test_greeting_comes_before_the_program(store: Store) -> None:
+    """The first line needs nothing of the program but its version."""
+    code = "import msgdrop_cli.__main__, sys; print([m for m in sys.modules if 'msgdrop_cli' in m])"
+    assert python("-c", code).stdout == "['msgdrop_cli', 'msgdrop_cli.__main__']\n"
+    code = "import msgdrop_cli.__main__, sys; print('typer' in sys.modules)"
+    assert python("-c", code).stdout == "False\n"
+
+
+def test_greeting_says_what_was_asked() -> None:
+    """Slow commands are greeted in one printable line; help, version and lists are not."""
+    assert greeting(["plot", "a\nb"]) == "msgdrop 0.1.0: plot a b"
+    assert greeting(["plot", "--help"]) is None
+    assert greeting(["--version"]) is None
+    assert greeting(["ablate"]) is None
+    assert greeting(["status"]) is None
+
+
+def test_version_and_help_are_results() -> None:
+    """Version and help go to stdout and exit with 0; so does the list of questions."""
+    assert msgdrop("--version") == (0, "msgdrop 0.1.0\n", "")
+    assert msgdrop("--help").out.startswith("Usage: msgdrop")
+    assert "blockwise-vs-elementwise" in msgdrop("ablate").out
+
+
+def test_fractions_of_broken_links() -> None:
+    """Words and fractions; nothing else."""
+    texts = ("none", "half", "all", "0.3")
+    assert [words.broken_links(text) for text in texts] == [0.0, 0.5, 1.0, 0.3]
+    with pytest.raises(DefinitionError):
+        words.broken_links("most")
+
+
+def test_numbers_for_people() -> None:
+    """Durations and sizes as people write them."""
+    durations = [words.duration(seconds) for seconds in (0.4, 75, 3_700, 400_000)]
+    assert durations == ["0 s", "1:15 min", "1:01 h", "4.6 days"]
+    assert [words.size(count) for count in (999, 1_200_000, 23e9)] == ["999 B", "1.2 MB", "23 GB"]

@@ -1,0 +1,33 @@
+"""Publishing: small copies of finished runs, and nothing else."""
+
+from pathlib import Path
+
+from msgdrop_cli.records.store import list_runs
+from msgdrop_cli.report.publish import publish
+from tests.fake_runs import write_run
+
+
+def test_numbers_of_all_and_one_policy_of_each_variant(tmp_path: Path) -> None:
+    """Every seed's records are copied; only the lowest seed's policy goes along."""
+    records = [write_run(tmp_path / "ours", v, s) for v in ("dcc", "md-0.2") for s in (2, 1)]
+    for record in records:
+        (record.path / "policy.safetensors").write_bytes(b"weights")
+        (record.path / "lock").touch()
+    copies = publish(records, tmp_path / "published")
+    assert [r.run_id for r in list_runs(tmp_path / "published")] == sorted(
+        (r.run_id for r in records),
+        key=lambda run_id: next(str(r.path.name) for r in records if r.run_id == run_id),
+    )
+    with_policy = [path.name for path in copies if (path / "policy.safetensors").exists()]
+    assert [name.split("-s")[1][0] for name in with_policy] == ["1", "1"]
+    assert not list((tmp_path / "published").rglob("lock"))
+    assert not list((tmp_path / "published").rglob(".tmp-*"))
+
+
+def test_publishing_again_replaces(tmp_path: Path) -> None:
+    """An older copy of the same run is gone as a whole."""
+    record = write_run(tmp_path / "ours", "dcc", 1)
+    [copy] = publish([record], tmp_path / "published")
+    (copy / "stale").touch()
+    assert publish([record], tmp_path / "published") == [copy]
+    assert sorted(p.name for p in copy.iterdir()) == ["episodes.jsonl", "metrics.jsonl", "run.json"]
