@@ -174,3 +174,10 @@ def test_impossible_settings_are_refused(changes: dict[str, Any]) -> None:
     """The error names the field."""
     with pytest.raises(ValueError, match=next(iter(changes))):
         Config(**changes)
+
+
+def test_a_cohort_shares_everything_but_the_rate() -> None:
+    """Runs with different settings cannot be stacked; the learner refuses."""
+    configs = [Config(rate=0.1), Config(rate=0.5, gamma=0.9)]
+    with pytest.raises(ValueError, match="differ in rate only"):
+        DCC(configs, registry.make("pursuit-n6"))

@@ -13,7 +13,7 @@ Letters: `R` runs, `E` games, `N` agents, `G = R*N`, `B` batch, `S` senders, `O`
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import torch
@@ -123,6 +123,8 @@ class DCC:
         self, configs: Sequence[Config], env: Environment, device: torch.device | str = "cpu"
     ) -> None:
         self.config = config = configs[0]
+        if any(replace(each, rate=config.rate) != config for each in configs):
+            raise ValueError("the runs of a cohort may differ in rate only")
         self._runs, self._agents = len(configs), env.agents
         networks = self._runs * self._agents
         self.network = _network(config, env)
