@@ -152,6 +152,30 @@ def test_published_runs_count_only_without_others(copy: Store) -> None:
     assert "DCC-MD" not in said.out
 
 
+def test_what_is_published_is_evaluated_on_a_fresh_clone(copy: Store) -> None:
+    """`publish` leaves numbers of every seed and one policy a variant; `eval` counts all seeds."""
+    to = copy.results.parent / "published"
+    said = msgdrop("publish", copy.question, "--results", copy.results, "--to", to)
+    assert said.code == 0, said.err
+    assert (to / "tiny-quick" / "TABLES.md").read_text().count("| DCC-MD 0.2 | 2 |") == 1
+    assert len(list(to.rglob("run.json"))) == 4
+    assert len(list(to.rglob("policy.safetensors"))) == 2
+    evaluated = msgdrop("eval", to, "--episodes", "8", "--json")
+    assert evaluated.code == 0, evaluated.err
+    assert {row["seeds"] for row in json.loads(evaluated.out)["results"]} == {2}
+    again = msgdrop("ablate", copy.question, "--results", to.parent / "published")
+    assert "nothing to train" in again.err
+
+
+def test_publish_wants_finished_runs(tmp_path: Path) -> None:
+    """Nothing is published out of an empty folder, and the line says how to train."""
+    to = tmp_path / "published"
+    said = msgdrop("publish", "broken-links", "--results", tmp_path, "--to", to)
+    assert said.code == 2
+    assert "msgdrop ablate broken-links" in said.err
+    assert not to.exists()
+
+
 def test_unstable_test_shows_all_three_channels(copy: Store) -> None:
     """The paper's test shows none, half and all, and draws the bars."""
     said = msgdrop("unstable-test", copy.results, "--episodes", "8", "--workers", "1")

@@ -26,12 +26,17 @@ def read_runs(root: Path) -> list[RunRecord]:
         raise DefinitionError(str(error)) from error
 
 
-def trained_runs(root: Path) -> list[RunRecord]:
-    """The runs in a folder that left a policy: our own, or the published ones if it has no others.
+def measurable_runs(root: Path, broken_links: Sequence[float], episodes: int) -> list[RunRecord]:
+    """The finished runs in a folder that left a policy, or every episode that is asked for.
 
-    Raises DefinitionError if there is none.
+    Our own, or the published ones if there are no others. Raises DefinitionError if none is there.
     """
-    runs = [r for r in read_runs(root) if r.status == "done" and (r.path / POLICY).is_file()]
+    runs = [
+        run
+        for run in read_runs(root)
+        if run.status == "done"
+        and ((run.path / POLICY).is_file() or not _lacks(run, broken_links, episodes))
+    ]
     if not runs:
         raise DefinitionError(f"{root}: holds no trained policy (train one: msgdrop ablate)")
     return [run for run in runs if _is_ours(run)] or runs

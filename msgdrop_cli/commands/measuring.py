@@ -5,7 +5,7 @@ from contextlib import ExitStack
 from pathlib import Path
 
 from msgdrop_cli.commands import console
-from msgdrop_cli.commands.evaluating import evaluated, trained_runs
+from msgdrop_cli.commands.evaluating import evaluated, measurable_runs
 from msgdrop_cli.commands.reporting import FIGURES, report
 from msgdrop_cli.commands.words import several
 from msgdrop_cli.definition.spec import Claim, Definition
@@ -27,7 +27,7 @@ def measure(
     With a question, its claims are judged where both variants are there, and figures are drawn.
     Raises DefinitionError for a folder without policies, RecordError, RunError and Stopped.
     """
-    runs = trained_runs(results)
+    runs = measurable_runs(results, broken_links, episodes)
     console.note(f"{several(len(runs), 'trained run')} below {results}")
     with ExitStack() as keep:
         records = evaluated(runs, broken_links, episodes, device=device, workers=workers, keep=keep)

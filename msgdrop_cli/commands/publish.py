@@ -22,9 +22,9 @@ def publish(
         Path, typer.Option(metavar="DIR", help="Where published records are kept.")
     ] = Path("results/published"),
 ) -> int:
-    """Copy a question's finished runs, with tables and figures, to where they can be committed.
+    """Copy a question's finished runs to where they can be committed.
 
-    The numbers of every run go along, and the policy of each variant's lowest seed.
+    The numbers of every run go along, the policy of each variant's lowest seed, tables, figures.
     """
     definition = load_definition(name)
     from msgdrop_cli.analysis.claims import judge_claims
@@ -50,7 +50,7 @@ def publish(
             f" (train them: msgdrop ablate {definition.name} --profile {profile})"
         )
     folder = to / f"{definition.name}-{profile}"
-    for path in copy(records, folder / "runs"):
+    for path in copy(records, folder):
         console.result(str(path))
     order = tuple(definition.variants)
     summary = summarise(records, order=order)
