@@ -23,9 +23,9 @@ class RunError(MsgdropError):
 
 
 class RecordError(MsgdropError):
-    """The results store cannot be read (4), created (73), written (74), or is in use (75)."""
+    """The results store cannot be read (2), created (73), written (74), or is in use (75)."""
 
-    def __init__(self, message: str, exit_code: int = 4) -> None:
+    def __init__(self, message: str, exit_code: int = 2) -> None:
         super().__init__(message)
         self.exit_code = exit_code
 

@@ -20,7 +20,7 @@ from types import FrameType
 from msgdrop_cli.definition.spec import PlannedRun
 from msgdrop_cli.errors import MsgdropError, RecordError
 from msgdrop_cli.records.files import run_lock
-from msgdrop_cli.records.store import RunRecord, find_run, set_status
+from msgdrop_cli.records.store import RUNS, RunRecord, find_run, set_status
 
 TRIES = 3
 """How often a run is begun or continued if its worker dies."""
@@ -288,7 +288,7 @@ def _killed(task: Task, run_id: str) -> Outcome:
     reason = f"its worker process died {TRIES} times (killed, or out of memory?)"
     path = None
     with suppress(RecordError):  # another process may train it by now
-        record = find_run(task.root, run_id)
+        record = find_run(task.root / RUNS if task.train else task.root, run_id)
         if record is not None and record.status != "done":
             path = record.path
             with run_lock(path):

@@ -47,7 +47,7 @@ def make_learner(*configs: Config, seed: int = 1) -> DCC:
 def make_batch(learner: DCC, seed: int = 5) -> Batch:
     """Made by hand: small counts as observations, every action once, some true ends."""
     networks, size = learner.online.networks, learner.config.batch_size
-    shown = learner.blocks.shape[1]
+    shown = learner.shown_agents.shape[1]
     return Batch(
         obs=integers(3, networks, 2 * size, shown, OBSERVATION, seed=seed).to(torch.uint8),
         action=torch.arange(size).remainder(ACTIONS).expand(networks, -1),

@@ -12,6 +12,11 @@ from msgdrop_cli.commands import words
 from msgdrop_cli.errors import DefinitionError
 from tests.cli_runs import Store, copied_store, filled_store, msgdrop, python
 
+TINY = (
+    *("training.games=4", "training.log_every_env_steps=50", "environment.time_limit=40"),
+    *("algorithm.replay_capacity=400", "algorithm.replay_start_env_steps=100"),
+)
+
 
 @pytest.fixture(scope="module")
 def store(tmp_path_factory: pytest.TempPathFactory) -> Store:
@@ -82,21 +87,35 @@ def test_dry_run_writes_nothing(store: Store, tmp_path: Path) -> None:
     assert not (tmp_path / "new").exists()
 
 
-def test_time_is_measured_where_it_can_be(store: Store) -> None:
-    """The estimate says whether its speed is measured or a rule of thumb."""
+def test_time_is_measured_where_it_can_be(store: Store, copy: Store) -> None:
+    """Finished runs of the same work on the same device give the speed; else a rule of thumb."""
     assert "rule of thumb" in store.said.err
-    document = json.loads(store.ablate("--seeds", "3", "--dry-run", "--json").out)
-    assert document["env_steps"] == 400
-    assert document["seconds_source"]
+    for path, wall_time_s in zip(
+        sorted(copy.results.rglob("run.json")), (4, 2, 4, 0.1), strict=True
+    ):
+        path.write_text(json.dumps(json.loads(path.read_text()) | {"wall_time_s": wall_time_s}))
+
+    def planned(*arguments: str) -> tuple[int, str]:
+        said = copy.ablate("--seeds", "3", "--dry-run", "--json", *arguments)
+        document = json.loads(said.out)
+        return document["seconds"], document["seconds_source"]
+
+    # Two new runs of 200 env steps at 200 / 4 a second; 0.1 s is too short to say anything.
+    assert planned() == (8, "measured on finished runs here")
+    assert planned("--workers", "2") == (4, "measured on finished runs here")
+    assert planned("--set", "algorithm.batch_size=64")[1].startswith("rule of thumb")
 
 
-def test_train_is_a_question_of_one_variant(store: Store, tmp_path: Path) -> None:
-    """`train` plans one run of the named algorithm with the overrides."""
-    sets = ("--set", "training.train_env_steps=300", "--set", "algorithm.rate=0.4")
-    said = msgdrop("train", "--results", tmp_path / "new", *sets, "--dry-run", "--json")
-    document = json.loads(said.out)
-    assert [run["variant"] for run in document["runs"]] == ["dcc-md"]
-    assert document["env_steps"] == 300
+def test_train_is_a_question_of_one_variant(tmp_path: Path) -> None:
+    """`train` makes one run of the named algorithm, and the overrides stand in its record."""
+    sets = (*TINY, "training.train_env_steps=200", "algorithm.rate=0.4")
+    arguments = [part for each in sets for part in ("--set", each)]
+    said = msgdrop("train", "--results", tmp_path, "--workers", "1", *arguments)
+    assert said.code == 0, said.err
+    [path] = tmp_path.rglob("run.json")
+    run = json.loads(path.read_text())
+    assert (run["variant"], run["seed"], run["env_steps"]) == ("dcc-md", 1, 200)
+    assert run["spec"]["algorithm"]["rate"] == 0.4
 
 
 def test_failed_run_does_not_stop_the_others(
@@ -163,8 +182,8 @@ def test_what_is_published_is_evaluated_on_a_fresh_clone(copy: Store) -> None:
     evaluated = msgdrop("eval", to, "--episodes", "8", "--json")
     assert evaluated.code == 0, evaluated.err
     assert {row["seeds"] for row in json.loads(evaluated.out)["results"]} == {2}
-    again = msgdrop("ablate", copy.question, "--results", to.parent / "published")
-    assert "nothing to train" in again.err
+    planned = msgdrop("ablate", copy.question, "--results", to, "--dry-run", "--json")
+    assert json.loads(planned.out)["env_steps"] == 4 * 200  # published runs are nobody's own
 
 
 def test_publish_wants_finished_runs(tmp_path: Path) -> None:

@@ -1,6 +1,7 @@
 """Who is dropped, and what the networks are given."""
 
 import math
+from itertools import combinations
 from typing import Any
 
 import pytest
@@ -8,6 +9,8 @@ import torch
 from torch import Tensor
 
 from msgdrop_cli.algorithms.dcc import DCC, NAMED
+from msgdrop_cli.algorithms.protocol import Batch
+from msgdrop_cli.engine.training import Training
 from msgdrop_cli.networks.inputs import SparseInput
 from tests.dcc_samples import (
     AGENTS,
@@ -18,13 +21,11 @@ from tests.dcc_samples import (
     mask_uniforms,
     small_config,
 )
+from tests.runs import planned
 
 
-def _given(learner: DCC, monkeypatch: pytest.MonkeyPatch) -> list[Tensor]:
-    """What the networks are given in one update on observations of ones, [R, N, B, 1+S, O] each.
-
-    The online network now, the online network next, the target network next.
-    """
+def _recorded(learner: DCC, monkeypatch: pytest.MonkeyPatch) -> list[Tensor]:
+    """What the networks are given from now on, call by call, [G, rows, inputs] each."""
     given: list[Tensor] = []
     forward = learner.network.forward
 
@@ -36,11 +37,20 @@ def _given(learner: DCC, monkeypatch: pytest.MonkeyPatch) -> list[Tensor]:
         return forward(weights, inputs)
 
     monkeypatch.setattr(learner.network, "forward", record)
+    return given
+
+
+def _given(learner: DCC, monkeypatch: pytest.MonkeyPatch) -> list[Tensor]:
+    """What the networks are given in one update on observations of ones, [R, N, B, 1+S, O] each.
+
+    The online network now, the online network next, the target network next.
+    """
+    given = _recorded(learner, monkeypatch)
     runs = learner.online.networks // AGENTS
     batch = make_batch(learner)
     learner.update(batch._replace(obs=torch.ones_like(batch.obs)), mask_uniforms(learner, runs))
     both, after_masked = given
-    shown = learner.blocks.shape[1]
+    shown = learner.shown_agents.shape[1]
     parts = [*both.split(learner.config.batch_size, 1), after_masked]
     return [part.view(runs, AGENTS, -1, shown, OBSERVATION) for part in parts]
 
@@ -85,6 +95,35 @@ def test_same_mask_for_m_and_next_m(name: str, monkeypatch: pytest.MonkeyPatch) 
         dropped = 1 - now[run, ..., first:, :].mean().item()
         assert dropped == rate if rate in (0.0, 1.0) else 0.2 < dropped < 0.6
     assert first == 0 or (after[..., 0, :] == 1.0).all()
+
+
+@pytest.mark.parametrize("dropout", ["message", "element"])
+def test_every_update_draws_a_mask_of_its_own(
+    dropout: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The masks change at each training time (l. 258): two differ in 2 * 0.3 * 0.7 of the units.
+
+    Each minibatch of the loop is replaced by ones, so that what the networks see is the mask.
+    """
+    run = planned("dcc-md", dropout=dropout, rate=0.3, replay_start_env_steps=8).spec
+    training = Training([run])
+    training.begin()
+    learner: Any = training.learner
+    given, update = _recorded(learner, monkeypatch), learner.update
+    unit = 147 if dropout == "element" else 1
+    masks: list[Tensor] = []
+
+    def on_ones(batch: Batch, uniforms: Tensor) -> None:
+        given.clear()  # what acting left behind
+        update(batch._replace(obs=torch.ones_like(batch.obs)), uniforms)
+        masks.append(given[1].view(6, 32, 6, 147)[:, :, 1:, :unit])  # m~' for the target network
+
+    monkeypatch.setattr(learner, "update", on_ones)
+    while len(masks) < 4:
+        training.advance()
+    sigma = math.sqrt(0.42 * 0.58 / masks[0].numel())
+    for one, other in combinations(masks, 2):
+        assert abs((one != other).float().mean().item() - 0.42) < 5 * sigma
 
 
 @pytest.mark.parametrize("network", ["fgh", "concat"])

@@ -40,7 +40,7 @@ def test_update_equals_separate_modules_and_torchs_adam(
     agents = [separate(learner.network, learner.online, n) for n in range(2 * AGENTS)]
     targets = [separate(learner.network, learner.target, n) for n in range(2 * AGENTS)]
     optimisers = [torch.optim.Adam(agent.parameters(), lr=1e-3) for agent in agents]
-    own, shown = learner.config.drops_own, learner.blocks.shape[1]
+    own, shown = learner.config.drops_own, learner.shown_agents.shape[1]
     width = OBSERVATION if learner.config.dropout == "element" else 1
     for step in range(3):
         batch, uniforms = make_batch(learner, step), mask_uniforms(learner, 2, step)

@@ -188,9 +188,23 @@ def test_results_table(tmp_path: Path) -> None:
     records = write_arm(tmp_path, "dcc", [4, 8])
     records.append(write_run(tmp_path, "dcc", 3, status="diverged"))
     table = results_table(summarise(records), GROUP)
-    assert table.headers[:4] == ("variant", "seeds", "catches per 500 [95% interval]", "IQM")
+    assert table.headers[:4] == (
+        "variant",
+        "seeds",
+        "catches per 500 [95% interval]",
+        "IQM [95% interval]",
+    )
     assert table.rows == (
-        ("DCC", "2 (1 diverged)", "6.00 [4.00, 8.00]", "6.00", "3.00", "0.50", "250", "-10.0"),
+        (
+            "DCC",
+            "2 (1 diverged)",
+            "6.00 [4.00, 8.00]",
+            "6.00 [4.00, 8.00]",
+            "3.00",
+            "0.50",
+            "250",
+            "-10.0",
+        ),
     )
     assert "profile quick, 1,000 env steps a run; 2 greedy evaluation episodes" in table.caption
 

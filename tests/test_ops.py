@@ -10,7 +10,7 @@ from torch.nn import functional
 from msgdrop_cli.ops.exploration import annealed_epsilon, epsilon_greedy
 from msgdrop_cli.ops.links import broken_links, link_count
 from msgdrop_cli.ops.message_dropout import apply_keep, execution_scale, keep_mask
-from msgdrop_cli.ops.td import clip_gradient_norm, double_q_target, loss_gradient
+from msgdrop_cli.ops.td import clip_factors, double_q_target, loss_gradient
 
 ERRORS = torch.tensor([-3.0, -1.0, -0.25, 0.0, 0.5, 1.0, 7.0])
 
@@ -120,7 +120,7 @@ def test_huber_is_torchs() -> None:
 def test_clipping_is_torchs_for_each_row() -> None:
     """Each network is clipped by its own norm, as torch clips one module; small ones are left."""
     gradients = _random(4, 50) * torch.tensor([[0.01], [1.0], [10.0], [0.0]])
-    clipped = gradients * clip_gradient_norm(gradients, 2.0)[:, None]
+    clipped = gradients * clip_factors(gradients, 2.0)[:, None]
     for row, ours in zip(gradients, clipped, strict=True):
         parameter = torch.nn.Parameter(torch.zeros(50))
         parameter.grad = row.clone()
@@ -133,7 +133,7 @@ def test_clipping_is_torchs_for_each_row() -> None:
 
 
 def test_epsilon_is_annealed_linearly_and_then_stays() -> None:
-    """From 1 to 0.02 in a line over the first 2 million env steps, then 0.02 (paper l. 752)."""
+    """From 1 to 0.02 in a line over the first 2 million env steps, then 0.02 (paper l. 753)."""
     steps = [0, 500_000, 1_000_000, 2_000_000, 9_000_000]
     found = [annealed_epsilon(s, 1.0, 0.02, 2_000_000) for s in steps]
     assert found == pytest.approx([1.0, 0.755, 0.51, 0.02, 0.02])

@@ -38,7 +38,7 @@ def refusal(root: Path) -> str:
     with pytest.raises(RecordError) as caught:
         list_runs(root)
     assert str(caught.value).isprintable()
-    assert caught.value.exit_code == 4
+    assert caught.value.exit_code == 2
     return str(caught.value)
 
 

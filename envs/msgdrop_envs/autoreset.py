@@ -33,25 +33,36 @@ def start(env: Environment, uniforms: Tensor, elapsed: Tensor) -> Games:
     return Games(state, elapsed, env.observe(state))
 
 
+def play(
+    env: Environment, games: Games, actions: Tensor, uniforms: Tensor
+) -> tuple[Games, Transition]:
+    """Play one step without any restart.
+
+    actions: [..., N] int64; uniforms: [..., step_uniforms]. A time limit ends the episode but keeps
+    the discount 1, so what ended by itself is what has the discount 0.
+    """
+    state, transition = env.step(games.state, actions, uniforms)
+    elapsed = games.elapsed + 1
+    transition = transition._replace(ended=transition.ended | (elapsed >= env.time_limit))
+    return Games(state, elapsed, transition.obs), transition
+
+
 def step(
     env: Environment, games: Games, actions: Tensor, uniforms: Tensor, reset_uniforms: Tensor
 ) -> tuple[Games, Transition]:
     """Play one step; an episode that ends starts anew in the same call.
 
-    actions: [..., N] int64; uniforms: [..., step_uniforms]; reset_uniforms: [..., reset_uniforms],
-    used only by the games that end. The Transition holds the last observation of the old episode,
-    the Games the first one of the new. A time limit ends the episode but keeps the discount 1.
+    reset_uniforms: [..., reset_uniforms], used only by the games that end; the rest as in `play`.
+    The Transition holds the last observation of the old episode, the Games the first of the new.
     """
-    state, transition = env.step(games.state, actions, uniforms)
-    elapsed = games.elapsed + 1
-    ended = transition.ended | (elapsed >= env.time_limit)
-    transition = transition._replace(ended=ended)
+    games, transition = play(env, games, actions, uniforms)
+    ended = transition.ended
     if ended.device.type == "cpu" and not ended.any():  # a shortcut, never another result
-        return Games(state, elapsed, transition.obs), transition
+        return games, transition
     fresh = env.reset(reset_uniforms)
-    obs = torch.where(ended[..., None, None], env.observe(fresh), transition.obs)
-    elapsed = torch.where(ended, 0, elapsed)
-    return Games(select(ended, fresh, state), elapsed, obs), transition
+    obs = torch.where(ended[..., None, None], env.observe(fresh), games.obs)
+    elapsed = torch.where(ended, 0, games.elapsed)
+    return Games(select(ended, fresh, games.state), elapsed, obs), transition
 
 
 def take(games: Games, chosen: Tensor) -> Games:

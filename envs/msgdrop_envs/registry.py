@@ -22,7 +22,10 @@ def settings() -> dict[str, Any]:
 
 
 def make(config: Any, device: torch.device | str = "cpu") -> Environment:
-    """The batched environment whose rules `config` (a Config, or a name of the paper) describes."""
+    """The batched environment whose rules `config` (a Config, or a name of the paper) describes.
+
+    Raises KeyError for a name that is none of `settings()`.
+    """
     if isinstance(config, str):
         config = settings()[config]
     environment: Environment = config.build(torch.device(device))

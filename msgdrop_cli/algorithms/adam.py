@@ -3,7 +3,7 @@
 import torch
 
 from msgdrop_cli.networks.stacked import Stacked
-from msgdrop_cli.ops.td import clip_gradient_norm
+from msgdrop_cli.ops.td import clip_factors
 
 
 class Adam:
@@ -43,6 +43,6 @@ class Adam:
     def _clip(self) -> None:
         views = self.gradient.of_networks(0, self.gradient.networks).values()
         rows = torch.cat([view.flatten(1) for view in views], 1)  # [G, parameters]
-        factors = clip_gradient_norm(rows, self._max_gradient_norm)
+        factors = clip_factors(rows, self._max_gradient_norm)
         for view in views:
             view.mul_(factors[:, None, None])

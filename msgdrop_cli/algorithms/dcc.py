@@ -46,7 +46,7 @@ class Config:
     f_units: tuple[int, int] = (64, 48)
     """Layers of f; also the first layers of FDC and Concat (l. 745, 750)."""
     g_units: int = 96
-    """The layer of g (l. 746: 96; N=8: 128)."""
+    """The layer of g (l. 746; 128 for N=8, l. 751)."""
     h_units: int = 32
     """The hidden layer of h (l. 748)."""
     gamma: float = 0.99
@@ -78,15 +78,13 @@ class Config:
         for name in ("rate", "gamma", "epsilon_start", "epsilon_final"):
             if not 0.0 <= getattr(self, name) <= 1.0:
                 raise ValueError(f"{name} must be between 0 and 1, not {getattr(self, name)}")
-        for name in ("g_units", "h_units", "batch_size", "replay_capacity"):
-            if getattr(self, name) < 1:
-                raise ValueError(f"{name} must be at least 1, not {getattr(self, name)}")
-        for name in ("update_every_env_steps", "target_update_every_updates"):
-            if getattr(self, name) < 1:
-                raise ValueError(f"{name} must be at least 1, not {getattr(self, name)}")
         for name in ("learning_rate", "max_gradient_norm", "replay_start_env_steps"):
             if getattr(self, name) < 0:
                 raise ValueError(f"{name} must not be negative, not {getattr(self, name)}")
+        counts = ("g_units", "h_units", "batch_size", "replay_capacity", "update_every_env_steps")
+        for name in (*counts, "target_update_every_updates"):
+            if getattr(self, name) < 1:
+                raise ValueError(f"{name} must be at least 1, not {getattr(self, name)}")
         if min(self.f_units) < 1:
             raise ValueError(f"f_units must be at least 1 each, not {list(self.f_units)}")
 
@@ -139,19 +137,20 @@ class DCC:
         self.updates = 0
 
         senders, size = self.network.hears, config.batch_size
-        self.blocks = _blocks(self._agents, device)[:, : 1 + senders]
+        self.shown_agents = _shown_agents(self._agents, device)[:, : 1 + senders]
         self.rate = torch.tensor([c.rate for c in configs], device=device)  # [R]
         self._scale = execution_scale(self.rate, senders, drops_own=config.drops_own)
-        # For m and m': the binary mask over the first B rows, the scale of Q_exec over the rest.
+        # For m and m': the binary mask over the first B rows, the scale of Q_exec over the rest;
+        # [R, N, 2B, 1+S, 1 or O].
         unit = env.observation_size if config.dropout == "element" else 1
         self._factor = torch.ones(
             self._runs, self._agents, 2 * size, 1 + senders, unit, device=device
         )
         self._factor[:, :, size:] = self._scale[:, None, None]
-        self._dropped = self._factor[:, :, :size, 0 if config.drops_own else 1 :]  # a view
+        self._keep = self._factor[:, :, :size, 0 if config.drops_own else 1 :]  # a view
         self.init_uniforms = self._agents * parameter_count(self.network.layers)
         self.act_uniforms = 2
-        self.update_uniforms = self._dropped[0].numel()
+        self.update_uniforms = self._keep[0].numel()
         self._sums = torch.zeros(2, self._runs, device=device)
         self._summed = 0
 
@@ -187,7 +186,7 @@ class DCC:
         obs: [R, E, N, O]; keep: [R, E, N, S] or None if every link works.
         """
         runs, games = obs.shape[:2]
-        shown = obs[:, :, self.blocks].transpose(1, 2).flatten(0, 1)  # [G, E, 1+S, O]
+        shown = obs[:, :, self.shown_agents].transpose(1, 2).flatten(0, 1)  # [G, E, 1+S, O]
         factor = self._scale[:, None, None].repeat(1, self._agents, games, 1, 1)
         if keep is not None:
             factor[:, :, :, 1:, 0] *= keep[..., : self.network.hears].transpose(1, 2)
@@ -261,8 +260,8 @@ class DCC:
 
     def _with_binary_mask(self, uniforms: Tensor) -> Tensor:
         """One mask a sample, for m~ and m~' alike (l. 233-241); the own block stays 1."""
-        mask = keep_mask(uniforms.view(len(uniforms), *self._dropped.shape[1:]), self.rate)
-        self._dropped.copy_(mask)
+        mask = keep_mask(uniforms.view(len(uniforms), *self._keep.shape[1:]), self.rate)
+        self._keep.copy_(mask)
         return self._factor.flatten(0, 1)
 
     def _step(self, loss: Tensor, q: Tensor) -> None:
@@ -293,8 +292,8 @@ def _network(config: Config, env: Environment) -> Network:
     )
 
 
-def _blocks(agents: int, device: torch.device | str) -> Tensor:
-    """Row i: agent i, then all others in increasing order (the paper's m^i, l. 145): [N, N]."""
+def _shown_agents(agents: int, device: torch.device | str) -> Tensor:
+    """Row i: agent i, then all others in increasing order (the paper's m^i, l. 149): [N, N]."""
     return torch.tensor(
         [[i, *(j for j in range(agents) if j != i)] for i in range(agents)], device=device
     )

@@ -19,11 +19,34 @@ class Batch(NamedTuple):
     """[G, B] float32: 0 at a true end, else 1."""
 
 
+class Pace(Protocol):
+    """The fields of every learner's Config that the engine reads."""
+
+    @property
+    def batch_size(self) -> int:
+        """Transitions an agent and update."""
+
+    @property
+    def replay_capacity(self) -> int:
+        """Transitions in each agent's memory."""
+
+    @property
+    def replay_start_env_steps(self) -> int:
+        """Env steps before the first update."""
+
+    @property
+    def update_every_env_steps(self) -> int:
+        """Env steps between two updates."""
+
+
 class Learner(Protocol):
     """The networks of R runs of N agents, and the rule that improves them."""
 
-    config: Any
-    blocks: Tensor
+    @property
+    def config(self) -> Pace:
+        """The Config that the runs share."""
+
+    shown_agents: Tensor
     """[N, 1+S] int64: whom agent i is shown, itself first, then the senders in increasing order."""
     init_uniforms: int
     """Uniform numbers that the initial weights of one run take."""

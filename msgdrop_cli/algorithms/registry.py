@@ -10,7 +10,7 @@ from msgdrop_cli.algorithms.protocol import LearnerFactory
 
 
 def learners() -> dict[str, ModuleType]:
-    """The learners' modules by name; each has `Config`, `NAMED`, `PAPER` and its class."""
+    """The learners' modules by name; each has `Config`, `NAMED`, `PAPER`, `TRAINING`, its class."""
     package = msgdrop_cli.algorithms
     modules = {
         found.name: importlib.import_module(f"{package.__name__}.{found.name}")
@@ -20,7 +20,7 @@ def learners() -> dict[str, ModuleType]:
 
 
 def learner_class(name: str) -> LearnerFactory:
-    """The class of learner `name`: the one called like its file, in capitals."""
+    """The class of learner `name`, called like its file in capitals; KeyError if there is none."""
     factory: Any = getattr(learners()[name], name.upper())
     learner: LearnerFactory = factory
     return learner

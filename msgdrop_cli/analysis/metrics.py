@@ -10,7 +10,7 @@ from typing import Any, Literal
 
 from msgdrop_cli.definition.strict import Where, build
 from msgdrop_cli.errors import DefinitionError, RecordError
-from msgdrop_cli.records.store import RunRecord
+from msgdrop_cli.records.store import RUN, RunRecord
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -89,7 +89,7 @@ def metrics_of(record: RunRecord) -> Metrics:
     table = record.run.get("metrics")
     if not table:
         return UNKNOWN
-    where = Where(str(record.path / "run.json")).at("metrics")
+    where = Where(str(record.path / RUN)).at("metrics")
     try:
         return Metrics(
             tuple(

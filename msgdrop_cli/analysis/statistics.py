@@ -51,6 +51,21 @@ def bootstrap_interval(
     return _percentiles(_resampled_means([[value] for value in values], rng, resamples))[0]
 
 
+def iqm_interval(
+    values: Sequence[float], rng: "Generator", *, resamples: int = RESAMPLES
+) -> Interval | None:
+    """95% percentile bootstrap interval of the interquartile mean; None for one value."""
+    import numpy as np
+
+    _check_some(values)
+    n = len(values)
+    if n == 1:
+        return None
+    drawn = np.sort(rng.choice(np.asarray(values, dtype=np.float64), (resamples, n)), axis=1)
+    cut = n // 4
+    return _percentiles(drawn[:, cut : n - cut].mean(1, keepdims=True))[0]
+
+
 def bootstrap_band(
     curves: Sequence[Sequence[float]], rng: "Generator", *, resamples: int = 2_000
 ) -> list[Interval]:

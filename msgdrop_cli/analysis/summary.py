@@ -16,11 +16,12 @@ from msgdrop_cli.analysis.statistics import (
     Interval,
     bootstrap_interval,
     interquartile_mean,
+    iqm_interval,
     mean,
 )
 from msgdrop_cli.definition.spec import TrainingSpec
 from msgdrop_cli.errors import RecordError
-from msgdrop_cli.records.store import RunRecord
+from msgdrop_cli.records.store import EPISODES, RunRecord
 
 BOOTSTRAP_SEED = 20190127
 """Seed of every bootstrap, so that the same records give the same interval (ours)."""
@@ -44,8 +45,11 @@ class Row:
     """Value of each seed, in order of the seeds."""
     mean: float
     iqm: float
+    """Interquartile mean over seeds."""
     interval: Interval | None
     """95% bootstrap interval of the mean over seeds; None for one seed."""
+    iqm_interval: Interval | None
+    """The same of the interquartile mean."""
     episodes: int
     """Evaluation episodes of each seed (the smallest number, if they differ)."""
 
@@ -132,7 +136,8 @@ def _once_each(records: Iterable[RunRecord]) -> list[RunRecord]:
     chosen: dict[tuple[str, str, str], RunRecord] = {}
     for record in records:
         key = (record.run_id, record.variant, record.profile)
-        if key not in chosen or record.status == "done" != chosen[key].status:
+        # Of two finished copies the later path is our own run, not the published one.
+        if key not in chosen or record.status == "done" or chosen[key].status != "done":
             chosen[key] = record
     return sorted(chosen.values(), key=lambda record: (record.seed, record.run_id))
 
@@ -214,6 +219,7 @@ def _rows(
                 mean=mean(values),
                 iqm=interquartile_mean(values),
                 interval=bootstrap_interval(values, rng),
+                iqm_interval=iqm_interval(values, rng),
                 episodes=min(evaluation.episodes for evaluation in seeds.values()),
             )
 
@@ -236,7 +242,7 @@ def _evaluations(record: RunRecord, metrics: Sequence[Metric]) -> dict[float, _E
         }
     except (KeyError, TypeError, ValueError, ZeroDivisionError) as error:
         raise RecordError(
-            f"{record.path / 'episodes.jsonl'}: an episode's row is not readable ({error!r}); "
+            f"{record.path / EPISODES}: an episode's row is not readable ({error!r}); "
             "evaluate this run again"
         ) from error
 
@@ -261,6 +267,8 @@ def _json_lines(arm: Arm) -> Iterable[dict[str, Any]]:
             "iqm": row.iqm,
             "low": row.interval.low if row.interval else None,
             "high": row.interval.high if row.interval else None,
+            "iqm_low": row.iqm_interval.low if row.iqm_interval else None,
+            "iqm_high": row.iqm_interval.high if row.iqm_interval else None,
             "episodes": row.episodes,
         }
     if not arm.rows:

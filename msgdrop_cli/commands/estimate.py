@@ -15,7 +15,7 @@ from msgdrop_cli.definition.run_id import spec_to_dict
 from msgdrop_cli.definition.spec import PlannedRun
 from msgdrop_cli.errors import RecordError
 from msgdrop_cli.records.files import CANNOT_CREATE, CANNOT_WRITE
-from msgdrop_cli.records.store import RunRecord, find_run
+from msgdrop_cli.records.store import RUNS, RunRecord, find_run
 
 _RULE_PARAMETERS = 6 * 88_053
 _RULE_STEPS_PER_S = 1_300.0
@@ -75,7 +75,7 @@ def survey(runs: Sequence[PlannedRun], root: Path) -> Survey:
     distinct: dict[str, PlannedRun] = {}
     for run in runs:
         distinct.setdefault(run.run_id, run)
-    found = {run_id: find_run(root, run_id) for run_id in distinct}
+    found = {run_id: find_run(root / RUNS, run_id) for run_id in distinct}
     return Survey(
         runs=tuple(distinct.values()),
         records={run_id: record for run_id, record in found.items() if record is not None},

@@ -10,20 +10,11 @@ from tempfile import TemporaryDirectory
 from msgdrop_cli.analysis.summary import Summary
 from msgdrop_cli.commands.options import check_device
 from msgdrop_cli.commands.progress import Watch, Watched
-from msgdrop_cli.errors import DefinitionError, RecordError, RunError
-from msgdrop_cli.records.store import RunRecord, list_runs
+from msgdrop_cli.errors import DefinitionError, RunError
+from msgdrop_cli.records.store import EPISODES, METRICS, POLICY, RUN, RUNS, RunRecord, list_runs
 from msgdrop_cli.scheduler import Stopped, Task, graceful_stop, run_tasks
 
-POLICY = "policy.safetensors"
-_COPIED = ("run.json", POLICY, "metrics.jsonl", "episodes.jsonl")
-
-
-def read_runs(root: Path) -> list[RunRecord]:
-    """The runs in a folder that the user named; what is wrong with it is the user's mistake (2)."""
-    try:
-        return list_runs(root)
-    except RecordError as error:
-        raise DefinitionError(str(error)) from error
+_COPIED = (RUN, POLICY, METRICS, EPISODES)
 
 
 def measurable_runs(root: Path, broken_links: Sequence[float], episodes: int) -> list[RunRecord]:
@@ -33,7 +24,7 @@ def measurable_runs(root: Path, broken_links: Sequence[float], episodes: int) ->
     """
     runs = [
         run
-        for run in read_runs(root)
+        for run in list_runs(root)
         if run.status == "done"
         and ((run.path / POLICY).is_file() or not _lacks(run, broken_links, episodes))
     ]
@@ -103,7 +94,7 @@ def _lacks(record: RunRecord, broken_links: Sequence[float], episodes: int) -> b
 
 def _is_ours(record: RunRecord) -> bool:
     """Whether it stands where training puts it, in `runs/<environment>/<run>`."""
-    return record.path.resolve().parts[-3:-2] == ("runs",)
+    return record.path.resolve().parts[-3:-2] == (RUNS,)
 
 
 def _copy(record: RunRecord, keep: ExitStack) -> RunRecord:

@@ -6,6 +6,7 @@ import typer
 
 from msgdrop_cli.commands import console, options
 from msgdrop_cli.errors import DefinitionError
+from msgdrop_cli.records.store import list_runs
 
 app = typer.Typer()
 
@@ -16,11 +17,10 @@ def plot(results: options.Folder = Path("results"), json: options.Json = False) 
 
     RESULTS is a folder (default: results); the figures go to RESULTS/figures.
     """
-    from msgdrop_cli.commands.evaluating import read_runs
     from msgdrop_cli.commands.reporting import FIGURES
     from msgdrop_cli.report.figures import draw_all
 
-    paths = draw_all(read_runs(results), results / FIGURES)
+    paths = draw_all(list_runs(results), results / FIGURES)
     if json:
         console.result_json([str(path) for path in paths])
         return 0

@@ -16,6 +16,7 @@ from msgdrop_cli.commands.console import Progress
 from msgdrop_cli.commands.words import duration, several
 from msgdrop_cli.errors import RecordError
 from msgdrop_cli.records.files import read_json
+from msgdrop_cli.records.store import PROGRESS
 from msgdrop_cli.scheduler import Control, Outcome
 
 _HEADERS = ("run", "env steps", "done", "env steps/s", "now", "left")
@@ -117,7 +118,7 @@ class Watch:
 def progress(path: Path) -> dict[str, Any]:
     """What a run last said of itself; empty if it has not, or not in words that we know."""
     with suppress(RecordError, ValueError, TypeError):
-        said = read_json(path / "progress.json")
+        said = read_json(path / PROGRESS)
         numbers = ("env_steps", "env_steps_per_s", "eta_s")
         if isinstance(said, dict) and all(isinstance(said.get(n), int | float) for n in numbers):
             return said

@@ -7,7 +7,7 @@ import typer
 
 from msgdrop_cli.commands import console, options
 from msgdrop_cli.definition.load import load_definition
-from msgdrop_cli.definition.plan import plan
+from msgdrop_cli.definition.plan import parse_seeds, plan
 from msgdrop_cli.errors import DefinitionError
 
 app = typer.Typer()
@@ -17,6 +17,7 @@ app = typer.Typer()
 def publish(
     name: Annotated[str, typer.Argument(metavar="NAME|FILE.toml", help="The question.")],
     profile: options.Profile = "quick",
+    seeds: options.Seeds = None,
     results: options.Results = Path("results"),
     to: Annotated[
         Path, typer.Option(metavar="DIR", help="Where published records are kept.")
@@ -37,7 +38,8 @@ def publish(
     from msgdrop_cli.report.publish import tables
     from msgdrop_cli.report.write import write_atomic
 
-    asked = plan(definition, profile, catalogue())
+    chosen = None if seeds is None else parse_seeds(seeds)
+    asked = plan(definition, profile, catalogue(), seeds=chosen)
     looked_up = survey(asked.runs, results)
     records = [
         as_planned(looked_up.records[run.run_id], run)

@@ -9,7 +9,7 @@ import typer
 
 from msgdrop_cli.commands import console, options
 from msgdrop_cli.commands.words import duration, several
-from msgdrop_cli.records.store import RunRecord
+from msgdrop_cli.records.store import PROGRESS, RunRecord, list_runs
 
 app = typer.Typer()
 
@@ -20,10 +20,9 @@ _SILENT_S = 30.0
 @app.command()
 def status(results: options.Folder = Path("results"), json: options.Json = False) -> int:
     """List the runs and how far they have come."""
-    from msgdrop_cli.commands.evaluating import read_runs
     from msgdrop_cli.commands.progress import progress
 
-    lines = [_line(record, progress(record.path)) for record in read_runs(results)]
+    lines = [_line(record, progress(record.path)) for record in list_runs(results)]
     if json:
         console.result_json(lines)
         return 0
@@ -80,7 +79,7 @@ def _line(record: RunRecord, now: dict[str, Any]) -> dict[str, Any]:
 def _silence(record: RunRecord) -> float | None:
     """Seconds since a running run wrote its progress, by the clock of the file system."""
     with suppress(OSError):
-        return max(0.0, round(time.time() - (record.path / "progress.json").stat().st_mtime, 1))
+        return max(0.0, round(time.time() - (record.path / PROGRESS).stat().st_mtime, 1))
     return None
 
 

@@ -54,7 +54,7 @@ class Checkpoints:
         self._replay = self._folder / "replay"
 
     def save(self, training: Training, run: int, counters: Mapping[str, Any]) -> None:
-        """Write a checkpoint of run number `run` of the cohort; raises RecordError (74).
+        """Write a checkpoint of run number `run` of the cohort; raises RecordError (73, 74).
 
         counters: what the caller needs to go on, JSON values.
         """
@@ -158,7 +158,10 @@ class Checkpoints:
 
 
 def restore(training: Training, run: int, checkpoint: Checkpoint) -> None:
-    """Put run number `run` back to where `checkpoint` was written; `training` has begun."""
+    """Put run number `run` back to where `checkpoint` was written; `training` has begun.
+
+    Raises RecordError (2) if the checkpoint is another run's.
+    """
     copy_into(_state(training, run), checkpoint.state, checkpoint.path)
     counters = checkpoint.counters
     training.env_steps = int(counters["env_steps"])

@@ -24,12 +24,9 @@ from msgdrop_cli.errors import DefinitionError, RecordError
 from msgdrop_cli.ops.links import broken_links as break_links
 from msgdrop_cli.ops.links import link_count
 from msgdrop_cli.records.files import read_json, write_jsonl_atomic
-from msgdrop_cli.records.store import list_runs
+from msgdrop_cli.records.store import EPISODES, POLICY, RUN, list_runs
 from msgdrop_envs import autoreset, registry
 from msgdrop_envs.protocol import Environment
-
-POLICY = "policy.safetensors"
-EPISODES = "episodes.jsonl"
 
 
 def evaluate(
@@ -73,7 +70,7 @@ def evaluate_run(
     """Evaluate, and put the rows into the run's `episodes.jsonl` in one atomic step.
 
     Does nothing if the run has that many already; fewer are replaced, since an evaluation is drawn
-    as a whole. Returns the number of episodes played, 0 if `stop` said so.
+    as a whole. Returns the number of episodes played, 0 if `stop` said so. Raises RecordError.
     """
     record = list_runs(run_path)[0]
     if len(record.episodes(broken_links)) >= episodes:
@@ -90,7 +87,7 @@ def evaluate_run(
 
 
 def _spec_of(run_path: Path) -> RunSpec:
-    run = read_json(run_path / "run.json")
+    run = read_json(run_path / RUN)
     try:
         return spec_from_dict(run["spec"], catalogue(), f"{run_path / 'run.json'}: spec")
     except DefinitionError as error:
@@ -121,16 +118,14 @@ def _play(
                 return None
         actions = learner.act_greedily(games.obs, keep)
         uniforms = streams.uniforms("evaluate", episodes, env.step_uniforms)[:, playing]
-        state, transition = env.step(games.state, actions, uniforms)
-        elapsed = games.elapsed + 1
-        ended = transition.ended | (elapsed >= env.time_limit)
+        games, transition = autoreset.play(env, games, actions, uniforms)
+        ended = transition.ended[0]
+        finished = (ended & (transition.discount[0] == 0)).float()
         counts = [transition.info[name][0] for name in env.counts]
-        finished = transition.ended[0].float()
-        won = [torch.ones_like(finished), finished, transition.reward[0].sum(-1)]
-        table[playing] += torch.stack([*won, *counts], -1)
-        games = autoreset.Games(state, elapsed, transition.obs)
+        columns = [torch.ones_like(finished), finished, transition.reward[0].sum(-1), *counts]
+        table[playing] += torch.stack(columns, -1)
         if ended.any():
-            on = ~ended[0]
+            on = ~ended
             games, playing = autoreset.take(games, on), playing[on]
             keep = None if keep is None else keep[:, on]
     return table

@@ -17,14 +17,23 @@ import torch
 
 from msgdrop_cli.definition.spec import PlannedRun
 from msgdrop_cli.engine.checkpoint import Checkpoint, Checkpoints, restore
-from msgdrop_cli.engine.evaluation import POLICY
 from msgdrop_cli.engine.facts import facts
 from msgdrop_cli.engine.tensors import write_tensors
 from msgdrop_cli.engine.training import Training
 from msgdrop_cli.errors import RecordError, RunError
 from msgdrop_cli.networks.kernel import kernel_name
 from msgdrop_cli.records.files import append_jsonl, cut_jsonl, run_lock, write_json_atomic
-from msgdrop_cli.records.store import Status, create_run, find_run, run_path, set_status
+from msgdrop_cli.records.store import (
+    METRICS,
+    POLICY,
+    PROGRESS,
+    RUNS,
+    Status,
+    create_run,
+    find_run,
+    run_path,
+    set_status,
+)
 
 THREADS = 1
 """Threads of a training process; another number changes the last bits of a result."""
@@ -78,7 +87,7 @@ def train_cohort(
     with ExitStack() as locks:
         pending = []
         for planned in runs:
-            found = find_run(root, planned.run_id)
+            found = find_run(root / RUNS, planned.run_id)
             if found is not None and found.status == "done":
                 outcomes.append(_outcome(planned, found.path, "done", None))
                 continue
@@ -123,7 +132,7 @@ class _Session:
                 restore(self.training, number, run.checkpoint)
                 run.rows = int(run.checkpoint.counters["rows"])
                 self.logged_at = int(run.checkpoint.counters["logged_at"])
-            cut_jsonl(run.path / "metrics.jsonl", run.rows)
+            cut_jsonl(run.path / METRICS, run.rows)
             run.checkpoint = None  # its replay memory has been copied
             set_status(run.path, "running", **facts(self.training.env, device, THREADS))
         self.clock = time.monotonic()
@@ -170,7 +179,7 @@ class _Session:
                 continue
             head = {"env_steps": training.env_steps}
             tail = {"wall_time_s": round(self._wall_time(run), 3)}
-            append_jsonl(run.path / "metrics.jsonl", {**head, **row, **tail})
+            append_jsonl(run.path / METRICS, {**head, **row, **tail})
             run.rows += 1
             self.headline[number] = metrics[number][next(iter(training.env.metrics))]
 
@@ -196,7 +205,7 @@ class _Session:
             word: Status = "diverged" if run.diverged else status
             set_status(run.path, word, run.diverged, **self._progress_facts(run))
             outcomes.append(_outcome(run.planned, run.path, word, run.diverged))
-            (run.path / "progress.json").unlink(missing_ok=True)
+            (run.path / PROGRESS).unlink(missing_ok=True)
         return outcomes
 
     def _sound(self) -> Iterable[tuple[int, _Run]]:
@@ -224,7 +233,7 @@ class _Session:
                 "headline": next(iter(training.env.metrics)),
                 "headline_value": self.headline[number],
             }
-            write_json_atomic(run.path / "progress.json", progress, durable=False)
+            write_json_atomic(run.path / PROGRESS, progress, durable=False)
 
 
 def _check_kernel(checkpoint: Checkpoint) -> None:

@@ -22,7 +22,7 @@ def write_tensors(path: Path, tensors: Mapping[str, Tensor]) -> None:
 
 
 def parse_tensors(content: bytes, path: Path) -> dict[str, Tensor]:
-    """The tensors in a safetensors file's content; RecordError (4) for anything else."""
+    """The tensors in a safetensors file's content; RecordError (2) for anything else."""
     if len(content) < 8 or int.from_bytes(content[:8], "little") > _LARGEST_HEADER:
         raise RecordError(f"{path}: is not a safetensors file of msgdrop")
     try:
@@ -35,7 +35,7 @@ def parse_tensors(content: bytes, path: Path) -> dict[str, Tensor]:
 
 
 def read_tensors(path: Path) -> dict[str, Tensor]:
-    """The tensors in `path`; RecordError (4) if it cannot be read or is damaged."""
+    """The tensors in `path`; RecordError (2) if it cannot be read or is damaged."""
     try:
         content = path.read_bytes()
     except OSError as error:
@@ -44,7 +44,7 @@ def read_tensors(path: Path) -> dict[str, Tensor]:
 
 
 def copy_into(views: Mapping[str, Tensor], tensors: Mapping[str, Tensor], path: Path) -> None:
-    """Copy each tensor into the view of its name; RecordError (4) unless all fit exactly."""
+    """Copy each tensor into the view of its name; RecordError (2) unless all fit exactly."""
     if set(views) != set(tensors):
         odd = min(set(views) ^ set(tensors))
         raise RecordError(f"{path}: does not fit this run: tensor {odd[:64]!r} is on one side only")

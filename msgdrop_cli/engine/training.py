@@ -85,7 +85,7 @@ class Training:
         """Sample a minibatch for each agent from its memory (l. 215)."""
         shape = (self.env.agents, self.learner.config.batch_size)
         drawn = self.streams.integers("replay", len(self.replay), *shape)
-        return self.replay.gather(self.replay.rows(drawn), self.learner.blocks)
+        return self.replay.gather(self.replay.rows(drawn), self.learner.shown_agents)
 
     def learn(self, batch: Batch) -> None:
         """Generate the binary mask and update every agent's network (l. 217-219)."""

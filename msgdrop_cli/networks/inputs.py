@@ -67,7 +67,7 @@ def masked_input(blocks: Tensor, factor: Tensor) -> Tensor | SparseInput:
 
 
 def split_own(inputs: Tensor | SparseInput, observation: int) -> tuple[Tensor | SparseInput, ...]:
-    """The own observation and the messages; observation: O."""
+    """The own observation [G, B, O] and the messages [G, B, S*O] of inputs [G, B, (1+S)*O]."""
     if isinstance(inputs, SparseInput):
         blocks, factor = inputs.blocks, inputs.factor
         own = SparseInput(blocks[:, :, :1], factor[:, :, :1])

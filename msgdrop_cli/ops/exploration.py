@@ -5,7 +5,7 @@ from torch import Tensor
 
 
 def annealed_epsilon(env_steps: int, start: float, final: float, anneal_env_steps: int) -> float:
-    """Epsilon, annealed linearly from `start` to `final` over `anneal_env_steps`, then fixed."""
+    """Epsilon after `env_steps`: linear from `start` to `final`, then fixed (paper l. 753)."""
     if anneal_env_steps <= 0:
         return final
     share = min(env_steps / anneal_env_steps, 1.0)

@@ -1,4 +1,4 @@
-"""Broken links at execution (paper l. 520-540): both directions of a link break together."""
+"""Broken links at execution (paper l. 519-541): both directions of a link break together."""
 
 from itertools import combinations
 

@@ -5,7 +5,6 @@ Masks are *keep* masks, 1 = it passes. `rate` is the probability of *dropping*; 
 Letters: `R` runs, `N` agents, `G = R*N`, `S` senders, `B` batch, `M` one message.
 """
 
-import torch
 from torch import Tensor
 
 
@@ -18,18 +17,19 @@ def keep_mask(uniforms: Tensor, rate: Tensor) -> Tensor:
     return (uniforms >= rate.view(-1, *[1] * (uniforms.dim() - 1))).float()
 
 
-def apply_keep(blocks: Tensor, keep: Tensor, out: Tensor | None = None) -> Tensor:
+def apply_keep(blocks: Tensor, keep: Tensor) -> Tensor:
     """Replace what is not kept by zeros (the paper's arrow-0, l. 179), in training or execution.
 
     blocks: [..., S, M], any dtype; keep: [..., S, 1] for whole messages (message-dropout, broken
-    links), [..., S, M] for single elements; factors other than 0 and 1 scale. Returns float32.
+    links), [..., S, M] for single elements; factors other than 0 and 1 scale.
+    Returns float32. Raises ValueError for other shapes.
     """
     if keep.shape[-1] not in (1, blocks.shape[-1]) or keep.shape[-2] != blocks.shape[-2]:
         raise ValueError(
             f"keep must be [..., S, 1] or [..., S, M] for blocks {tuple(blocks.shape)},"
             f" not {tuple(keep.shape)}"
         )
-    return torch.mul(blocks, keep, out=out)
+    return blocks * keep
 
 
 def execution_scale(rate: Tensor, senders: int, *, drops_own: bool) -> Tensor:

@@ -13,7 +13,7 @@ def double_q_target(
 
     reward, discount: [..., B]; next_q_target, next_q_select: [..., B, A], float32; discount is
     gamma, or 0 at a true end. `next_q_select` is Q_exec of the online network on *unmasked*
-    messages; it only picks the action. Returns [..., B].
+    messages; it only picks the action. Returns [..., B]. Raises ValueError for other shapes.
     """
     if next_q_target.shape != next_q_select.shape or reward.shape != next_q_target.shape[:-1]:
         raise ValueError(
@@ -36,8 +36,8 @@ def loss_gradient(error: Tensor, loss: Literal["mse", "huber"]) -> tuple[Tensor,
     return clipped * (error - 0.5 * clipped), clipped
 
 
-def clip_gradient_norm(gradients: Tensor, limit: float) -> Tensor:
-    """Scale each row to at most `limit` in L2 norm. gradients: [G, P]; returns [G] factors."""
+def clip_factors(gradients: Tensor, limit: float) -> Tensor:
+    """Factors that bring each row to at most `limit` in L2 norm. gradients: [G, P]; returns [G]."""
     norm = torch.linalg.vector_norm(gradients, dim=-1)
     factors: Tensor = (limit / norm.clamp(min=1e-12)).clamp(max=1.0)
     return factors

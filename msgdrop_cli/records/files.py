@@ -18,7 +18,7 @@ from typing import Any
 from msgdrop_cli.definition.strict import one_line
 from msgdrop_cli.errors import RecordError
 
-CANNOT_CREATE, CANNOT_WRITE, BUSY = 73, 74, 75
+CANNOT_READ, CANNOT_CREATE, CANNOT_WRITE, BUSY = 2, 73, 74, 75
 _LARGEST_FILE = 256 * 2**20
 _TEMPORARY = ".tmp-"
 
@@ -88,7 +88,7 @@ def append_jsonl(path: Path, *rows: Mapping[str, Any]) -> None:
 def cut_jsonl(path: Path, keep: int) -> None:
     """Cuts the log back to its first `keep` rows; a missing log has none.
 
-    Raises RecordError: fewer whole rows than `keep` (4), or not writable (74).
+    Raises RecordError: fewer whole rows than `keep` (2), or not writable (74).
     """
     if keep == 0 and not path.exists():
         return
@@ -168,7 +168,7 @@ def _content(path: Path) -> bytes:
         finally:
             os.close(handle)
     except (OSError, ValueError) as error:
-        raise _failed("cannot be read", path, error, 4) from error
+        raise _failed("cannot be read", path, error, CANNOT_READ) from error
 
 
 def _whole_lines(content: bytes) -> list[bytes]:

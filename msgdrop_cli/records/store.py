@@ -22,6 +22,11 @@ from msgdrop_cli.records.files import (
 )
 
 SCHEMA = 1
+RUNS = "runs"
+"""The folder of our own runs in a results folder; the published ones lie elsewhere."""
+RUN, METRICS, EPISODES = "run.json", "metrics.jsonl", "episodes.jsonl"
+POLICY, PROGRESS = "policy.safetensors", "progress.json"
+"""The files of a run folder."""
 Status = Literal["planned", "running", "done", "failed", "diverged", "interrupted"]
 FACTS = (
     "env_steps",
@@ -130,18 +135,18 @@ class RunRecord:
 
     def metrics(self) -> list[dict[str, Any]]:
         """The rows of `metrics.jsonl`, none before the first; RecordError if damaged."""
-        return _rows(self.path / "metrics.jsonl", "env_steps")
+        return _rows(self.path / METRICS, "env_steps")
 
     def episodes(self, broken_links: float | None = None) -> list[dict[str, Any]]:
         """The raw evaluation episodes, of all channels or of one fraction of broken links."""
-        rows = _rows(self.path / "episodes.jsonl", "broken_links")
+        rows = _rows(self.path / EPISODES, "broken_links")
         return [row for row in rows if broken_links in (None, row["broken_links"])]
 
 
 def run_path(root: Path, planned: PlannedRun) -> Path:
     """The folder of a run in the results folder `root`; nothing is created."""
     folder = f"{planned.variant}-s{planned.spec.seed}-{planned.run_id}"
-    return root / "runs" / planned.spec.environment / folder
+    return root / RUNS / planned.spec.environment / folder
 
 
 def list_runs(root: Path) -> list[RunRecord]:
@@ -173,7 +178,7 @@ def create_run(path: Path, planned: PlannedRun, facts: Mapping[str, Any]) -> Run
     Raises RecordError if the folder cannot be made (73), has a record already (73), or cannot be
     written (74).
     """
-    file = path / "run.json"
+    file = path / RUN
     try:
         path.mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -205,18 +210,18 @@ def create_run(path: Path, planned: PlannedRun, facts: Mapping[str, Any]) -> Run
 def set_status(path: Path, status: Status, reason: str | None = None, **facts: Any) -> RunRecord:
     """Rewrites `run.json` with a new status word, its reason in one line, and newer facts.
 
-    Raises RecordError: the record is damaged (4) or cannot be written (74).
+    Raises RecordError: the record is damaged (2) or cannot be written (74).
     """
     if status not in get_args(Status):
         raise ValueError(f"no status is called {status!r}")
     why = one_line(reason)[:_LONGEST_REASON] if reason else None
     run = {**_record(path).run, "status": status, "reason": why or None, **_checked_facts(facts)}
-    write_json_atomic(path / "run.json", run)
+    write_json_atomic(path / RUN, run)
     return _record(path)
 
 
 def _record(path: Path) -> RunRecord:
-    file = path / "run.json"
+    file = path / RUN
     run = read_json(file)
     if not isinstance(run, dict):
         raise RecordError(one_line(f"{file}: is damaged: expected an object"))
@@ -245,7 +250,7 @@ def _walk(folder: Path) -> Iterator[Path]:
     """Run folders in or below `folder`. Links are not followed: they could lead in circles."""
     with os.scandir(folder) as entries:
         found = list(entries)
-    if any(entry.name == "run.json" for entry in found):
+    if any(entry.name == RUN for entry in found):
         yield folder
         return
     for entry in found:

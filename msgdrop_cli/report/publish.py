@@ -8,12 +8,9 @@ from tempfile import TemporaryDirectory
 from msgdrop_cli.analysis.claims import Verdict
 from msgdrop_cli.analysis.summary import Summary
 from msgdrop_cli.errors import RecordError
-from msgdrop_cli.records.files import CANNOT_WRITE
-from msgdrop_cli.records.store import RunRecord
+from msgdrop_cli.records.files import CANNOT_WRITE, write_json_atomic
+from msgdrop_cli.records.store import EPISODES, METRICS, POLICY, RUN, RunRecord
 from msgdrop_cli.report.table import broken_links_table, claims_table, results_table, to_markdown
-
-NUMBERS = ("run.json", "metrics.jsonl", "episodes.jsonl")
-POLICY = "policy.safetensors"
 
 
 def publish(records: Sequence[RunRecord], folder: Path) -> list[Path]:
@@ -30,7 +27,7 @@ def publish(records: Sequence[RunRecord], folder: Path) -> list[Path]:
     for record in records:
         with_policy = record.seed == lowest[record.environment, record.variant]
         target = folder / record.environment / record.path.name
-        _copy(record.path, target, (*NUMBERS, POLICY) if with_policy else NUMBERS)
+        _copy(record, target, [METRICS, EPISODES] + [POLICY] * with_policy)
         copies.append(target)
     return copies
 
@@ -47,15 +44,16 @@ def tables(summary: Summary, verdicts: Sequence[Verdict]) -> str:
     return "\n".join(to_markdown(page) for page in pages)
 
 
-def _copy(source: Path, target: Path, names: Sequence[str]) -> None:
+def _copy(record: RunRecord, target: Path, names: Sequence[str]) -> None:
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
         with TemporaryDirectory(dir=target.parent, prefix=".tmp-") as scratch:
             copy = Path(scratch) / target.name
             copy.mkdir()
+            write_json_atomic(copy / RUN, record.run)  # by the names of the question it answers
             for name in names:
-                if (source / name).exists():
-                    shutil.copyfile(source / name, copy / name)
+                if (record.path / name).exists():
+                    shutil.copyfile(record.path / name, copy / name)
             if target.exists():
                 target.rename(Path(scratch) / "old")
             copy.rename(target)

@@ -35,7 +35,7 @@ def results_table(summary: Summary, group: Group, broken_links: float = 0.0) -> 
             arm.label,
             seeds_text(arm),
             _estimate(row := arm.row(metrics.headline.name, broken_links)),
-            _number(row.iqm) if row else NOTHING,
+            _with_interval(row.iqm, row.iqm_interval) if row else NOTHING,
             *(_mean(arm.row(each.name, broken_links)) for each in others),
         )
         for arm in arms
@@ -55,7 +55,7 @@ def results_table(summary: Summary, group: Group, broken_links: float = 0.0) -> 
             "variant",
             "seeds",
             f"{metrics.headline.label} [95% interval]",
-            "IQM",
+            "IQM [95% interval]",
             *(each.label for each in others),
         ),
         rows=tuple(rows),
