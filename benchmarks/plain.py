@@ -19,7 +19,7 @@ import torch.nn.functional as F
 from torch import Tensor, nn
 
 CASES = {"pursuit-n6": (6, 15), "pursuit-n8": (8, 17)}
-"""Name: pursuers and map size (paper l. 440)."""
+"""Name: pursuers and map size (paper l. 373)."""
 RATE = 0.2
 """Probability of dropping a message in training."""
 EPSILON = 0.22
@@ -164,7 +164,7 @@ class Replay:
 
 
 class QNetwork(nn.Module):
-    """Q = h(f(own), g(messages)) with the sizes of the paper (l. 742-750)."""
+    """Q = h(f(own), g(messages)) with the sizes of the paper (l. 745-751)."""
 
     def __init__(self, agents: int) -> None:
         super().__init__()
@@ -180,7 +180,7 @@ class QNetwork(nn.Module):
 
 
 class Agent:
-    """DDQN with message-dropout (paper l. 226-254) for one agent."""
+    """DDQN with message-dropout (paper l. 233-252) for one agent."""
 
     def __init__(self, agents: int) -> None:
         self.online = QNetwork(agents)

@@ -67,6 +67,14 @@ def stack(states: list[State]) -> State:
     return State(*(torch.stack([getattr(state, name) for state in states]) for name in names))
 
 
+def assert_equal_state(state: State, slow: list[SlowPursuit]) -> None:
+    """Positions of the batch and of the slow games agree; where captured evaders lie is free."""
+    assert state.pursuers.tolist() == [[list(cell) for cell in game.pursuers] for game in slow]
+    for cells, free, game in zip(state.evaders.tolist(), state.free.tolist(), slow, strict=True):
+        alive = [tuple(c) if is_free else None for c, is_free in zip(cells, free, strict=True)]
+        assert alive == game.evaders
+
+
 def windows(obs: Tensor) -> dict[tuple[int, int, int], int]:
     """What a pursuer's first two windows hold besides zeros: (channel, row, column) to count."""
     grid = obs.view(3, 7, 7)[:2]

@@ -70,7 +70,7 @@ def test_target_is_the_papers_equation(
 
 
 def test_policy_reads_the_senders_in_increasing_order() -> None:
-    """Q_exec of agent i is of (o^i, m^i) with m^i in increasing order, skipping i (l. 145, 248)."""
+    """Q_exec of agent i is of (o^i, m^i) with m^i in increasing order, skipping i (l. 149, 248)."""
     learner = make_learner(small_config(rate=0.3))
     obs = integers(3, 1, 4, AGENTS, OBSERVATION, seed=3)
     keep = integers(2, 1, 4, AGENTS, AGENTS - 1, seed=4).float()
@@ -107,7 +107,7 @@ def test_scaling_inputs_is_scaling_weights(network: str) -> None:
     ],
 )
 def test_named_algorithms_have_the_papers_sizes(name: str, environment: str, expected: int) -> None:
-    """Parameters per agent with the paper's settings (paper-facts 3.3; figure 8, l. 742-750)."""
+    """Parameters per agent with the paper's settings (paper-facts 3.3; figure 8, l. 745-751)."""
     config = Config(**{**PAPER[environment], **NAMED[name]})
     env = registry.make(pursuit.PAPER[environment])
     learner = DCC([config], env)

@@ -1,4 +1,10 @@
-"""The contract of every shipped definition: it plans, in each profile, with what really exists."""
+"""The contract of every shipped definition: it plans, in each profile, with what really exists.
+
+The claims are held against a table of their own, read off the paper's text a second time.
+"""
+
+import re
+from itertools import product
 
 import pytest
 
@@ -9,6 +15,56 @@ from msgdrop_cli.engine.catalogue import catalogue
 CATALOGUE = catalogue()
 NAMES = list_definitions()
 
+BOTH = ("pursuit-n6", "pursuit-n8")
+SIX, EIGHT = BOTH[:1], BOTH[1:]
+AFTER, DURING = ("evaluation",), ("learning",)
+PROPER = ("md-0.2", "md-0.3")  # l. 420: "the best dropout rate is around [0.2, 0.3]"
+UNSTABLE = ("md-0.2", "md-0.5")  # no rate is named; those of l. 428 and 436
+# (definition, lines of the paper, better, worse, environments, measures, broken links); a row
+# stands for every combination of its entries.
+CLAIMS = [
+    # "outperforms both simple DCC and FDC", number of catches after training (l. 419)
+    ("dropout-rate", (420, 421), PROPER, ("dcc", "fdc"), BOTH, AFTER, 0.0),
+    # "in the case that [...] N=8, simple DCC has even worse performance than FDC"
+    ("dropout-rate", (422, 422), ("fdc",), ("dcc",), EIGHT, AFTER, 0.0),
+    # "improves as the dropout rate increases initially and then [...] deteriorates"
+    ("dropout-rate", (420, 420), ("md-0.1",), ("dcc",), BOTH, AFTER, 0.0),
+    ("dropout-rate", (420, 420), PROPER, ("md-0.1",), BOTH, AFTER, 0.0),
+    ("dropout-rate", (420, 420), ("md-0.4", "md-0.5"), ("fdc",), BOTH, AFTER, 0.0),
+    # "gain in both the learning speed and the steady-state performance"
+    ("dropout-rate", (458, 458), PROPER, ("dcc",), BOTH, DURING, 0.0),
+    # "the learning speed increases as the dropout rate increases", "clearly seen [for] N=8"
+    ("dropout-rate", (456, 457), ("md-0.1",), ("dcc",), BOTH, DURING, 0.0),
+    ("dropout-rate", (456, 457), ("md-0.2",), ("md-0.1",), BOTH, DURING, 0.0),
+    ("dropout-rate", (456, 457), ("md-0.3",), ("md-0.2",), BOTH, DURING, 0.0),
+    ("dropout-rate", (456, 457), ("md-0.4",), ("md-0.3",), BOTH, DURING, 0.0),
+    ("dropout-rate", (456, 457), ("md-0.5",), ("md-0.4",), BOTH, DURING, 0.0),
+    # "message-dropout yields better performance than the standard element-wise dropout"
+    ("blockwise-vs-elementwise", (465, 465), ("md-0.2",), ("sd-0.2",), SIX, AFTER + DURING, 0.0),
+    # "message-dropout makes training faster than simple DCC"
+    ("blockwise-vs-elementwise", (491, 491), ("md-0.2",), ("dcc",), SIX, DURING, 0.0),
+    ("own-observation", (491, 491), ("md-0.2",), ("dcc",), SIX, DURING, 0.0),
+    # "elementwise dropout without dropping agent's own observation also yields faster training"
+    ("blockwise-vs-elementwise", (492, 492), ("sd-0.2",), ("dcc",), SIX, DURING, 0.0),
+    ("own-observation", (492, 492), ("sd-0.2",), ("dcc",), SIX, DURING, 0.0),
+    # "the full message-dropout increases the training time"
+    ("own-observation", (490, 490), ("md-0.2",), ("full-md-0.2",), SIX, DURING, 0.0),
+    # "full message-dropout yields slower training than simple DCC"
+    ("own-observation", (491, 491), ("dcc",), ("full-md-0.2",), SIX, DURING, 0.0),
+    # "full standard elementwise dropout fails to train"
+    ("own-observation", (492, 492), ("dcc", "sd-0.2"), ("full-sd-0.2",), SIX, AFTER + DURING, 0.0),
+    # "In pursuit with N=8 [...] learning failed with the simple model architecture"
+    ("architecture", (514, 516), ("md-0.2",), ("concat-md-0.2",), EIGHT, AFTER + DURING, 0.0),
+    ("architecture", (514, 516), ("dcc",), ("concat-dcc",), EIGHT, AFTER + DURING, 0.0),
+    # "outperforms both simple DCC and FDC when the [...] link is broken but not all"
+    ("broken-links", (528, 528), UNSTABLE, ("dcc", "fdc"), BOTH, AFTER, 0.5),
+    # "DCC-MD cannot recover [...] (but still better than simple DCC), but FDC is better"
+    ("broken-links", (529, 529), UNSTABLE, ("dcc",), BOTH, AFTER, 1.0),
+    ("broken-links", (529, 529), ("fdc",), UNSTABLE, BOTH, AFTER, 1.0),
+]
+ALGORITHMS = {"md": "dcc-md", "sd": "dcc-sd", "concat-md": "concat-md"}
+"""What the variants' names stand for where they are no names of algorithms."""
+
 
 @pytest.mark.parametrize("name", NAMES)
 def test_every_profile_plans(name: str) -> None:
@@ -16,6 +72,36 @@ def test_every_profile_plans(name: str) -> None:
     definition = load_definition(name)
     for profile in definition.profiles:
         assert plan(definition, profile, CATALOGUE).runs
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_claims_say_what_the_paper_says(name: str) -> None:
+    """Line, order, environment, measure and channel of every claim, and no claim is missing."""
+    expected = [
+        (lines, *each, broken_links)
+        for definition, lines, *lists, broken_links in CLAIMS
+        if definition == name
+        for each in product(*lists)
+    ]
+    found = []
+    for claim in load_definition(name).claims:
+        numbers = re.match(r"l\. (\d+)(?:-(\d+))?", claim.source)
+        assert numbers is not None, claim.source
+        first, last = numbers[1], numbers[2] or numbers[1]
+        order = (claim.better, claim.worse, claim.environment, claim.measure)
+        found.append(((int(first), int(last)), *order, claim.broken_links))
+        assert claim.metric == "catches_per_500"  # l. 419, 455
+    assert sorted(found) == sorted(expected)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_variants_are_what_they_are_called(name: str) -> None:
+    """`md-0.2` is DCC-MD at rate 0.2, `fdc` is FDC: nothing else is changed."""
+    for key, variant in load_definition(name).variants.items():
+        algorithm, _, rate = key.rpartition("-") if key[-1].isdigit() else (key, "", "")
+        expected = {"name": ALGORITHMS.get(algorithm, algorithm)}
+        assert variant.algorithm == expected | ({"rate": float(rate)} if rate else {}), key
+        assert (variant.training, variant.environment) == ({}, {})
 
 
 @pytest.mark.parametrize("name", NAMES)

@@ -144,17 +144,23 @@ def test_observation_is_a_function_of_the_state(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", SETTINGS)
-def test_any_uniform_number_can_be_used(name: str) -> None:
-    """0 and the largest float32 below 1 start and play games like any other number."""
+@pytest.mark.parametrize(
+    ("extreme", "ordinary"), [(0.0, 2.0**-10), (1 - 2.0**-24, 1 - 2.0**-10)], ids=["0", "below 1"]
+)
+def test_any_uniform_number_can_be_used(name: str, extreme: float, ordinary: float) -> None:
+    """0 and the largest float32 below 1 play the games of the ordinary numbers beside them."""
     env = registry.make(name)
-    for number in (0.0, 1 - 2.0**-24):
-        state = env.reset(torch.full((GAMES, env.reset_uniforms), number))
-        for _ in range(STEPS):
-            actions = torch.zeros(GAMES, env.agents, dtype=torch.int64)
-            numbers = torch.full((GAMES, env.step_uniforms), number)
-            state, transition = env.step(state, actions, numbers)
-            assert transition.reward.isfinite().all()
-            assert transition.obs.float().isfinite().all()
+    reset = torch.tensor([extreme, ordinary])[:, None].expand(2, env.reset_uniforms)
+    numbers = torch.tensor([extreme, ordinary])[:, None].expand(2, env.step_uniforms)
+    state = env.reset(reset)
+    generator = torch.Generator().manual_seed(1)
+    for _ in range(STEPS):
+        one, other = env.observe(state).float()
+        torch.testing.assert_close(one, other, rtol=0.0, atol=0.1)
+        actions = torch.randint(env.actions, (env.agents,), generator=generator)
+        state, transition = env.step(state, actions.expand(2, -1), numbers)
+        assert transition.reward.isfinite().all()
+        torch.testing.assert_close(*transition.reward, rtol=0.0, atol=0.1)
 
 
 @pytest.mark.parametrize("name", SETTINGS)

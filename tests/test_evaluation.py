@@ -1,5 +1,6 @@
 """Greedy episodes: whole, repeatable, apart from training, with links broken as asked."""
 
+import shutil
 from dataclasses import replace
 from pathlib import Path
 
@@ -13,6 +14,7 @@ from msgdrop_cli.engine.run import train_cohort
 from msgdrop_cli.errors import RecordError
 from msgdrop_cli.records.store import list_runs
 from msgdrop_envs import registry
+from tests.dcc_samples import integers, rand
 from tests.runs import digest, planned
 
 
@@ -69,8 +71,8 @@ def test_broken_links_are_zero_messages() -> None:
     named = known.algorithm("dcc-md")
     env = registry.make(known.environment("pursuit-n6"))
     learner = DCC([named.config_class(rate=0.3)], env)
-    learner.initialise(torch.rand(1, learner.init_uniforms))
-    obs = torch.randint(0, 3, (1, 4, 6, 147), dtype=torch.uint8)
+    learner.initialise(rand(1, learner.init_uniforms, seed=1))
+    obs = integers(3, 1, 4, 6, 147, seed=2).to(torch.uint8)
     keep = torch.ones(1, 4, 6, 5)
     keep[:, :, 2, 3] = 0.0  # agent 2 does not hear its fourth sender, agent 4
     muted = obs.clone()
@@ -81,12 +83,33 @@ def test_broken_links_are_zero_messages() -> None:
     assert not torch.allclose(q[:, :, 2], learner.q_exec(obs)[:, :, 2])
 
 
-def test_evaluating_does_not_change_training(tmp_path: Path) -> None:
-    """A run's policy and log stay as they are, however often it is evaluated."""
-    [outcome] = train_cohort([planned(train_env_steps=160)], tmp_path)
-    before = digest(outcome.path)
-    evaluate_run(outcome.path, broken_links=0.0, episodes=10)
-    assert digest(outcome.path) == before
+def test_evaluating_does_not_change_training(
+    trained: dict[str, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Between two steps, and between stop and resume, evaluations of the same seed leave no trace.
+
+    A stopped run has no policy yet, so one is put into a copy of its folder.
+    """
+    monkeypatch.setattr("msgdrop_cli.engine.run._LOOK_UP_EVERY_S", 0.0)
+    run, calls = planned(), 0
+    [undisturbed] = train_cohort([run], tmp_path / "undisturbed")
+
+    def stop_after_evaluations() -> bool:
+        nonlocal calls
+        calls += 1
+        if calls % 10 == 0:
+            evaluate(trained["dcc-md"], broken_links=0.5, episodes=5)
+        return calls == 30  # of 60 steps: while it learns
+
+    [stopped] = train_cohort([run], tmp_path / "disturbed", stop=stop_after_evaluations)
+    assert (stopped.status, stopped.env_steps) == ("interrupted", 240)
+    copy = tmp_path / "copy"
+    shutil.copytree(stopped.path, copy)
+    shutil.copy(undisturbed.path / "policy.safetensors", copy)
+    assert evaluate_run(copy, broken_links=0.5, episodes=10) == 10
+    [resumed] = train_cohort([run], tmp_path / "disturbed")
+    assert resumed.status == "done"
+    assert digest(resumed.path) == digest(undisturbed.path)
 
 
 def test_enough_episodes_are_not_played_again(tmp_path: Path) -> None:

@@ -232,7 +232,7 @@ def test_claims_table(tmp_path: Path) -> None:
     """Claim with its source, what was compared, the difference, the verdict and why."""
     claim = Claim(
         says="MD helps",
-        source="l. 412",
+        source="l. 1",
         better="md-0.2",
         worse="dcc",
         environment="pursuit-n6",
@@ -241,7 +241,7 @@ def test_claims_table(tmp_path: Path) -> None:
     records = write_arm(tmp_path, "dcc", [1, 2]) + write_arm(tmp_path, "md-0.2", [5, 8])
     assert claims_table(judge_claims([claim], summarise(records))).rows == (
         (
-            "MD helps (l. 412)",
+            "MD helps (l. 1)",
             "pursuit-n6, 1,000 env steps, quick",
             "md-0.2 against dcc: catches per 500 after training",
             "5.00 [4.00, 6.00]",

@@ -23,11 +23,15 @@ def _case(unit: int) -> tuple[SparseInput, torch.Tensor]:
     return SparseInput(blocks, factor), apply_keep(blocks.float(), factor).flatten(2)
 
 
+def _normal(*shape: int, seed: int) -> torch.Tensor:
+    return torch.randn(shape, generator=torch.Generator().manual_seed(seed))
+
+
 @pytest.mark.parametrize("unit", [1, O])
 def test_forward_is_the_dense_product(unit: int) -> None:
     """A whole layer equals baddbmm on the multiplied-out input."""
     inputs, dense = _case(unit)
-    weight, bias = torch.randn(G, J * O, H), torch.randn(G, 1, H)
+    weight, bias = _normal(G, J * O, H, seed=3), _normal(G, 1, H, seed=4)
     expected = torch.baddbmm(bias, dense, weight)
     torch.testing.assert_close(inputs.times(weight, bias), expected, rtol=1e-5, atol=1e-5)
 
@@ -36,7 +40,7 @@ def test_forward_is_the_dense_product(unit: int) -> None:
 def test_gradient_is_the_dense_product(unit: int) -> None:
     """The weight's gradient equals bmm, for the first rows only and over old contents."""
     inputs, dense = _case(unit)
-    grad_output = torch.randn(G, 7, H)
+    grad_output = _normal(G, 7, H, seed=5)
     out = torch.full((G, J * O, H), 9.0)
     inputs.gradient(grad_output, out)
     expected = torch.bmm(dense[:, :7].mT, grad_output)
@@ -47,7 +51,7 @@ def test_parts_of_an_input_are_read_in_place() -> None:
     """The own block, the messages and later rows are views with the right strides."""
     inputs, dense = _case(1)
     own, messages = split_own(inputs, O)
-    weight, bias = torch.randn(G, J * O, H), torch.zeros(G, 1, H)
+    weight, bias = _normal(G, J * O, H, seed=6), torch.zeros(G, 1, H)
     assert isinstance(own, SparseInput)
     assert isinstance(messages, SparseInput)
     later = SparseInput(messages.blocks[:, 4:], messages.factor[:, 4:])

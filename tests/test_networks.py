@@ -39,13 +39,13 @@ def _stacked(network: Network, seed: int = 1) -> Stacked:
     ("agents", "units", "expected"), [(6, 96, 88_053), (8, 128, 150_261)], ids=["n6", "n8"]
 )
 def test_fgh_has_the_papers_parameters(agents: int, units: int, expected: int) -> None:
-    """147-64-48, (N-1)*147-96 (or 128), 144-32-5 (or 176): figure 8's and l. 742-750's sizes."""
+    """147-64-48, (N-1)*147-96 (or 128), 144-32-5 (or 176): figure 8's and l. 745-751's sizes."""
     network = FGH(147, 147, agents - 1, 5, own_units=(64, 48), message_units=units, joint_units=32)
     assert parameter_count(network.layers) == expected
 
 
 def test_fdc_has_the_papers_parameters() -> None:
-    """147-64-48-32-5 (l. 749)."""
+    """147-64-48-32-5 (l. 750)."""
     assert parameter_count(Perceptron(147, 0, (64, 48, 32), 5).layers) == 14_325
 
 

@@ -5,9 +5,9 @@ import random
 import pytest
 import torch
 
-from msgdrop_envs.pursuit import PAPER, Config, State
-from tests.pursuit_positions import position, slow_game, stack
-from tests.slow_pursuit import Cell, SlowPursuit
+from msgdrop_envs.pursuit import PAPER, Config
+from tests.pursuit_positions import assert_equal_state, position, slow_game, stack
+from tests.slow_pursuit import Cell
 
 TRIALS, GAMES, STEPS = 16, 64, 22  # 22,528 steps of each size
 
@@ -27,14 +27,6 @@ def crowd(config: Config, rng: random.Random) -> tuple[list[Cell], list[Cell | N
     if rng.random() < 0.1:
         evaders[rng.randrange(config.evaders)] = None
     return [near(rng.choice((1, 2, 4, last))) for _ in range(config.pursuers)], evaders
-
-
-def assert_equal_state(state: State, slow: list[SlowPursuit]) -> None:
-    """Positions of the batch and of the slow games agree; where captured evaders lie is free."""
-    assert state.pursuers.tolist() == [[list(cell) for cell in game.pursuers] for game in slow]
-    for cells, free, game in zip(state.evaders.tolist(), state.free.tolist(), slow, strict=True):
-        alive = [tuple(c) if is_free else None for c, is_free in zip(cells, free, strict=True)]
-        assert alive == game.evaders
 
 
 VARIANTS = [

@@ -13,9 +13,11 @@ from tests.pursuit_positions import (
     SOUTH,
     STAY,
     WEST,
+    assert_equal_state,
     play,
     position,
     slow_game,
+    stack,
     uniform,
     windows,
 )
@@ -61,16 +63,29 @@ def test_capture_and_its_reward(name: str) -> None:
     assert transition.ended.item() == (not free)
 
 
+def assert_slow_game_agrees(
+    pursuers: list[Cell],
+    evaders: list[Cell | None],
+    actions: list[int] | None = None,
+    evader_moves: list[int] | None = None,
+) -> None:
+    """One step of the slow game gives all that one step of the batched game gives."""
+    actions, moves = actions or [STAY] * len(pursuers), evader_moves or [STAY] * len(evaders)
+    state, transition = play(pursuers, evaders, actions, moves)
+    game = slow_game(Config(), pursuers, evaders)
+    outcome = game.step(actions, [uniform(move) for move in moves])
+    assert_equal_state(stack([state]), [game])
+    assert outcome.rewards == pytest.approx(transition.reward.tolist())
+    assert outcome.discount == transition.discount.item()
+    assert outcome.catches == transition.info["catches"].item()
+    assert outcome.observations == transition.obs.tolist()
+
+
 @pytest.mark.parametrize("name", POSITIONS)
 def test_slow_game_agrees_from_hand_made_positions(name: str) -> None:
-    """The slow game gives the pencil's rewards too, and the same observations."""
-    pursuers, evaders, rewards, catches = POSITIONS[name]
-    game = slow_game(Config(), pursuers, evaders)
-    outcome = game.step([STAY] * len(pursuers), [uniform(STAY)] * len(evaders))
-    _, transition = play(pursuers, evaders)
-    assert outcome.rewards == pytest.approx(rewards)
-    assert outcome.catches == catches
-    assert outcome.observations == transition.obs.tolist()
+    """The slow game agrees with the pencil's numbers, state and discount included."""
+    pursuers, evaders, _, _ = POSITIONS[name]
+    assert_slow_game_agrees(pursuers, evaders)
 
 
 def test_capture_reward_once_pays_two_captures_once() -> None:
@@ -82,10 +97,12 @@ def test_capture_reward_once_pays_two_captures_once() -> None:
 
 def test_boxed_in_evader_cannot_flee() -> None:
     """The last pursuer arrives in the corner's free side, just where the evader wants to go."""
-    state, transition = play([(0, 1), (2, 0)], [(0, 0)], [STAY, NORTH], [SOUTH])
+    boxed_in: list[Cell | None] = [(0, 0)]
+    state, transition = play([(0, 1), (2, 0)], boxed_in, [STAY, NORTH], [SOUTH])
     assert state.pursuers.tolist() == [[0, 1], [1, 0]]
     assert transition.reward.tolist() == pytest.approx([4.95, 4.95])
     assert transition.discount.item() == 0
+    assert_slow_game_agrees([(0, 1), (2, 0)], boxed_in, [STAY, NORTH], [SOUTH])
 
 
 def test_evader_walks_into_a_pocket() -> None:

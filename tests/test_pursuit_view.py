@@ -52,17 +52,37 @@ def test_picture_of_pursuit() -> None:
     assert at(5, 5) == at(1, 5) == [250, 250, 247]
 
 
+def pieces(picture: np.ndarray[Any, Any]) -> int:
+    """How many separate things stand on the tinted ground of a picture."""
+    drawn = {tuple(at) for at in np.argwhere((picture != (227, 237, 246)).any(-1)).tolist()}
+    count = 0
+    while drawn:
+        count += 1
+        edge = [drawn.pop()]
+        while edge:
+            row, column = edge.pop()
+            sides = {(row - 1, column), (row + 1, column), (row, column - 1), (row, column + 1)}
+            edge += sides & drawn
+            drawn -= sides
+    return count
+
+
 @pytest.mark.parametrize("crowd", [1, 2, 4, 5, 9, 12])
 def test_crowded_cells_can_be_drawn(crowd: int) -> None:
     """Any number of players on one cell of the corner has its place in text and picture."""
-    pursuers = [[14, 14]] * crowd
-    state = {"pursuers": pursuers, "evaders": [[14, 14]]}
+    state = {"pursuers": [[14, 14]] * crowd, "evaders": [[14, 14]]}
+    shown: dict[str, Any] = {}
     for mode in ("rgb_array", "ansi"):
         game = parallel_env(Config(pursuers=crowd, evaders=1), mode)
         game.reset(options={"state": state})
-        shown = game.render()
-        if isinstance(shown, str):
-            assert "E" + "".join(map(str, range(crowd))) in shown
+        shown[mode] = game.render()
+    assert "E" + "".join(map(str, range(crowd))) in shown["ansi"]
+    last = 6 + 14 * 42
+    cell = shown["rgb_array"][last + 1 : last + 42, last + 1 : last + 42]  # without its grid lines
+    assert pieces(cell) == crowd + 1
+    for colour in ((222, 106, 16), (0, 98, 158)):
+        assert (cell == colour).all(-1).any()
+    assert (shown["rgb_array"][:last, :last] != (222, 106, 16)).any(-1).all()  # and nowhere else
 
 
 WRONG_STATES: dict[str, tuple[Any, str]] = {

@@ -13,7 +13,7 @@ from msgdrop_envs.protocol import Transition
 
 RUNS, AGENTS = 2, 3
 BLOCKS = torch.tensor([[0, 1, 2], [1, 0, 2], [2, 0, 1]])
-"""Agent i itself, then the senders in increasing order (paper l. 145)."""
+"""Agent i itself, then the senders in increasing order (paper l. 149)."""
 
 
 class Remembered(NamedTuple):

@@ -17,6 +17,7 @@ from msgdrop_cli.definition.spec import PlannedRun
 from msgdrop_cli.engine.catalogue import catalogue
 from msgdrop_cli.records.files import read_json
 from msgdrop_cli.scheduler import Control, Outcome, Task, graceful_stop, run_tasks
+from tests.runs import digest
 
 ROOT = Path(__file__).resolve().parents[1]
 TINY = (
@@ -114,19 +115,26 @@ def words_of(root: Path) -> list[str]:
 
 
 def test_workers_and_this_process_give_the_same(tmp_path: Path) -> None:
-    """Two workers and none write the same logs, episodes and policies, one outcome a run."""
-    runs = tiny_runs()
-    for workers in (1, 2):
+    """Two workers and none, in any order: the same logs, episodes and policies of every run."""
+    runs = tiny_runs(seeds=(1, 2, 3))
+    found: list[dict[str, tuple[str, bytes]]] = []
+    for workers, order in ((1, (0, 1, 2)), (2, (2, 0, 1)), (1, (1, 2, 0))):
+        asked = [runs[number] for number in order]
         with graceful_stop() as control:
-            root = tmp_path / str(workers)
-            outcomes = run_tasks(tasks_for(runs, root), control, workers=workers)
+            root = tmp_path / str(len(found))
+            outcomes = run_tasks(tasks_for(asked, root), control, workers=workers)
         assert [(each.run_id, each.status) for each in outcomes] == [
-            (run.run_id, "done") for run in runs
+            (run.run_id, "done") for run in asked
         ]
-    for file in ("policy.safetensors", "episodes.jsonl"):
-        one, two = (sorted((tmp_path / n).rglob(file)) for n in ("1", "2"))
-        assert len(one) == len(two) == len(runs)
-        assert [path.read_bytes() for path in one] == [path.read_bytes() for path in two]
+        paths = {each.run_id: each.path for each in outcomes if each.path is not None}
+        found.append(
+            {
+                run_id: (digest(path), (path / "episodes.jsonl").read_bytes())
+                for run_id, path in paths.items()
+            }
+        )
+    assert len(set(found[0].values())) == len(runs)
+    assert found[0] == found[1] == found[2]
 
 
 def test_a_killed_worker_is_replaced(tmp_path: Path) -> None:

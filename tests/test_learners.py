@@ -1,0 +1,161 @@
+"""The contract of every learner that the registry finds, by each of its names."""
+
+import dataclasses
+from dataclasses import replace
+from types import ModuleType
+from typing import Any
+
+import pytest
+import torch
+from torch import Tensor
+
+from msgdrop_cli.algorithms.registry import learner_class, learners
+from msgdrop_cli.definition.spec import RunSpec, TrainingSpec
+from msgdrop_cli.engine.training import Training
+from msgdrop_envs import registry
+from tests.dcc_samples import integers, rand
+
+LEARNERS = learners()
+CASES = [
+    (learner, name, environment)
+    for learner, module in LEARNERS.items()
+    for name in module.NAMED
+    for environment in module.PAPER
+]
+GAMES = 3
+
+
+def _config(learner: str, name: str, environment: str) -> Any:
+    """The named algorithm with the paper's settings, and a memory that is soon full."""
+    module = LEARNERS[learner]
+    early = {"replay_start_env_steps": GAMES, "replay_capacity": 60, "batch_size": 8}
+    return module.Config(**{**module.PAPER[environment], **module.NAMED[name], **early})
+
+
+def _training(learner: str, name: str, environment: str, seeds: int = 1) -> Training:
+    """A cohort whose games end soon, its networks and games begun."""
+    config = _config(learner, name, environment)
+    spec = RunSpec(
+        environment=environment,
+        environment_config=replace(registry.settings()[environment], time_limit=9),
+        algorithm=learner,
+        algorithm_config=config,
+        training=TrainingSpec(games=GAMES),
+        seed=1,
+    )
+    training = Training([replace(spec, seed=seed) for seed in range(1, seeds + 1)])
+    training.begin()
+    return training
+
+
+def _updated(learner: str, name: str, environment: str, seeds: int = 1) -> Training:
+    """The same after its first updates."""
+    training = _training(learner, name, environment, seeds)
+    while not training.learner.progress[0]:
+        training.advance()
+    return training
+
+
+def test_the_registry_finds_the_papers_learner() -> None:
+    """Otherwise nothing below would be tested."""
+    assert "dcc" in LEARNERS
+    assert len(CASES) >= 16
+
+
+@pytest.mark.parametrize("learner", LEARNERS)
+def test_module_has_what_the_registry_promises(learner: str) -> None:
+    """A frozen Config, NAMED algorithms, settings and lengths for known environments, the class."""
+    module = LEARNERS[learner]
+    assert isinstance(module, ModuleType)
+    with pytest.raises(dataclasses.FrozenInstanceError):
+        module.Config().rate = 0.5
+    fields = {field.name for field in dataclasses.fields(module.Config)}
+    required = {"rate", "batch_size", "replay_capacity", "replay_start_env_steps"}
+    assert required | {"update_every_env_steps"} <= fields
+    assert module.NAMED
+    assert set(module.PAPER) == set(module.TRAINING) <= set(registry.settings())
+    for training in module.TRAINING.values():
+        TrainingSpec(**training)
+    assert learner_class(learner) is getattr(module, learner.upper())
+
+
+@pytest.mark.parametrize("learner", LEARNERS)
+@pytest.mark.parametrize("rate", [-0.01, 1.01, float("nan")])
+def test_impossible_rates_are_refused(learner: str, rate: float) -> None:
+    """A probability lies between 0 and 1; both ends are allowed."""
+    config_class = LEARNERS[learner].Config
+    with pytest.raises(ValueError, match="rate"):
+        config_class(rate=rate)
+    assert (config_class(rate=0.0).rate, config_class(rate=1.0).rate) == (0.0, 1.0)
+
+
+@pytest.mark.parametrize(("learner", "name", "environment"), CASES)
+def test_acts_for_every_agent_in_every_game(learner: str, name: str, environment: str) -> None:
+    """Whole numbers from 0 to A-1, [R, E, N], exploring or greedy, with and without links."""
+    training = _training(learner, name, environment, seeds=2)
+    env, made = training.env, training.learner
+    batch = (2, GAMES, env.agents)
+    obs = integers(3, *batch, env.observation_size, seed=1).to(env.observation_dtype)
+    uniforms = rand(*batch, made.act_uniforms, seed=2)
+    broken = torch.zeros(*batch, env.agents - 1)
+    for actions in (
+        made.act(obs, uniforms, 0),
+        made.act(obs, uniforms, 10**9),
+        made.act_greedily(obs),
+        made.act_greedily(obs, broken),
+    ):
+        assert (actions.shape, actions.dtype) == (batch, torch.int64)
+        assert actions.min() >= 0
+        assert actions.max() < env.actions
+    shown = made.shown_agents
+    assert shown.shape[0] == env.agents
+    assert shown[:, 0].tolist() == list(range(env.agents))
+    assert all(len(set(row)) == len(row) for row in shown.tolist())
+
+
+@pytest.mark.parametrize(("learner", "name", "environment"), CASES)
+def test_updates_move_finite_weights(learner: str, name: str, environment: str) -> None:
+    """The first updates on random play change every agent's policy, without a NaN anywhere."""
+    training = _training(learner, name, environment)
+    before = {key: view.clone() for key, view in training.learner.policy(0).items()}
+    while not training.learner.progress[0]:
+        training.advance()
+    assert training.learner.progress[0] == 1
+    for key, view in training.learner.tensors(0).items():
+        assert view.isfinite().all(), key
+    after = training.learner.policy(0)
+    moved = [(after[key] != before[key]).flatten(1).any(1) for key in before]
+    assert torch.stack(moved).any(0).all()
+    [row] = training.learner.metrics(training.env_steps)
+    assert all(value is not None for value in row.values())
+    assert torch.tensor([value or 0.0 for value in row.values()]).isfinite().all()
+
+
+def _copied(views: Any) -> dict[str, Tensor]:
+    return {key: view.clone() for key, view in views.items()}
+
+
+@pytest.mark.parametrize(("learner", "name", "environment"), CASES)
+def test_tensors_and_policy_are_views_that_round_trip(
+    learner: str, name: str, environment: str
+) -> None:
+    """Written into another learner's views they make it act alike; the other run stays."""
+    trained = _updated(learner, name, environment, seeds=2).learner
+    fresh = _training(learner, name, environment, seeds=2).learner
+    other = _copied(fresh.tensors(1))
+    for views in ("tensors", "policy"):
+        for key, view in getattr(trained, views)(0).items():
+            getattr(fresh, views)(0)[key].copy_(view)
+        for key, view in getattr(trained, views)(0).items():
+            assert torch.equal(getattr(fresh, views)(0)[key], view), key
+    for key, view in fresh.tensors(1).items():
+        assert torch.equal(view, other[key]), key
+    env = registry.make(environment)
+    shape = (2, 64, env.agents, env.observation_size)
+    obs = integers(3, *shape, seed=3).to(env.observation_dtype)
+    assert torch.equal(fresh.act_greedily(obs)[0], trained.act_greedily(obs)[0])
+    fresh.resume_at(*trained.progress)
+    assert fresh.progress == trained.progress
+    for view in fresh.policy(0).values():
+        view.zero_()
+    assert len(fresh.act_greedily(obs)[0].unique()) == 1  # nothing tells observations apart
