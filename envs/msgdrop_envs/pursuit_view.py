@@ -9,25 +9,21 @@ from typing import Any
 import torch
 from torch import Tensor
 
+from msgdrop_envs.drawing import (
+    BLUE,
+    GRID,
+    ORANGE,
+    SEEN,
+    canvas,
+    fine_axis,
+    framed,
+    paint,
+    write,
+)
 from msgdrop_envs.pursuit import Config, State
 
-BACKGROUND, GRID, SEEN, FRAME = (250, 250, 247), (222, 222, 217), (227, 237, 246), (70, 70, 74)
-BLUE, ORANGE, WHITE = (0, 98, 158), (222, 106, 16), (255, 255, 255)
-CELL, BORDER, FINE = 42, 6, 3
-"""Pixels on a side of a cell, pixels of frame, and samples per pixel and axis for smooth edges."""
-DIGITS = {
-    "0": "111101101101111",
-    "1": "010110010010111",
-    "2": "111001111100111",
-    "3": "111001111001111",
-    "4": "101101111001001",
-    "5": "111100111001111",
-    "6": "111100111101111",
-    "7": "111001010010010",
-    "8": "111101111101111",
-    "9": "111101111001111",
-}
-"""Three columns by five rows."""
+CELL, BORDER = 42, 6
+"""Pixels on a side of a cell, and pixels of frame."""
 
 
 class PursuitView:
@@ -84,7 +80,7 @@ class PursuitView:
         Numbered blue discs are pursuers, orange diamonds evaders; what any pursuer sees is tinted.
         """
         side = self.config.map_size * CELL
-        image = torch.tensor(BACKGROUND, dtype=torch.float32).repeat(side, side, 1)
+        image = canvas(side)
         reach = self.config.sight
         for row, column in state.pursuers.tolist():
             top, left = max(row - reach, 0) * CELL, max(column - reach, 0) * CELL
@@ -95,11 +91,7 @@ class PursuitView:
         image[:, lines] = torch.tensor(GRID, dtype=torch.float32)
         for (row, column), labels in self._held(state).items():
             _draw_cell(image[row * CELL :, column * CELL :], labels)
-        framed = torch.tensor(FRAME, dtype=torch.float32).repeat(
-            side + 2 * BORDER, side + 2 * BORDER, 1
-        )
-        framed[BORDER:-BORDER, BORDER:-BORDER] = image
-        return framed.round().to(torch.uint8)
+        return framed(image, BORDER)
 
     def _cells(
         self, given: Mapping[str, Any], name: str, count: int
@@ -144,22 +136,10 @@ def _draw_cell(image: Tensor, labels: list[str]) -> None:
 def _draw_token(patch: Tensor, label: str) -> None:
     """Draw a diamond for `E` or a numbered disc into a square patch [side, side, 3]."""
     side = patch.shape[0]
-    axis = (torch.arange(side * FINE) + 0.5) / (side * FINE) * 2 - 1
+    axis = fine_axis(side) / side * 2 - 1
     across, down = axis.abs(), axis.abs()[:, None]
-    shape = across + down <= 0.96 if label == "E" else across**2 + down**2 <= 0.88**2
-    cover = shape.float().unfold(0, FINE, FINE).unfold(1, FINE, FINE).mean((-1, -2))[..., None]
-    colour = torch.tensor(ORANGE if label == "E" else BLUE, dtype=torch.float32)
-    patch += cover * (colour - patch)
-    if label != "E":
-        _draw_number(patch, label)
-
-
-def _draw_number(patch: Tensor, label: str) -> None:
-    """Write the number in white into the middle of the patch, as large as fits well."""
-    rows = [".".join(DIGITS[digit][3 * row : 3 * row + 3] for digit in label) for row in range(5)]
-    dots = torch.tensor([[dot == "1" for dot in row] for row in rows])
-    scale = max(1, patch.shape[0] // (9 if len(label) == 1 else 13))
-    dots = dots.repeat_interleave(scale, 0).repeat_interleave(scale, 1)
-    top, left = (patch.shape[0] - dots.shape[0]) // 2, (patch.shape[1] - dots.shape[1]) // 2
-    inside = patch[top : top + dots.shape[0], left : left + dots.shape[1]]
-    inside[dots] = torch.tensor(WHITE, dtype=torch.float32)
+    if label == "E":
+        paint(patch, across + down <= 0.96, ORANGE)
+    else:
+        paint(patch, across**2 + down**2 <= 0.88**2, BLUE)
+        write(patch, label)
