@@ -39,11 +39,14 @@ def play(
     """Play one step without any restart.
 
     actions: [..., N] int64; uniforms: [..., step_uniforms]. A time limit ends the episode but keeps
-    the discount 1, so what ended by itself is what has the discount 0.
+    the discount 1, so what ended by itself is what has the discount 0. The environment's
+    `final_counts` are 0 in every step that ends no episode.
     """
     state, transition = env.step(games.state, actions, uniforms)
     elapsed = games.elapsed + 1
-    transition = transition._replace(ended=transition.ended | (elapsed >= env.time_limit))
+    ended = transition.ended | (elapsed >= env.time_limit)
+    final = {name: transition.info[name] * ended for name in env.final_counts}
+    transition = transition._replace(ended=ended, info={**transition.info, **final})
     return Games(state, elapsed, transition.obs), transition
 
 

@@ -23,7 +23,10 @@ class Transition(NamedTuple):
     ended: Tensor
     """[...] bool: the episode is over, by a true end or (added by `autoreset`) the time limit."""
     info: Mapping[str, Tensor]
-    """Counts of what happened in the step, [...] float32 each; summed up by the metrics."""
+    """Counts of what happened in the step, [...] float32 each; summed up by the metrics.
+
+    Of `final_counts` it holds what the position shows; `autoreset` lets only the last one count.
+    """
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,6 +60,8 @@ class Environment(Protocol):
     """Name to formula; the first one is the headline of tables, figures and progress."""
     counts: tuple[str, ...]
     """The keys of `Transition.info`."""
+    final_counts: tuple[str, ...]
+    """Those of `counts` that describe a position: only an episode's last one counts."""
 
     def reset(self, uniforms: Tensor) -> Any:
         """Start games; uniforms [..., reset_uniforms]; returns a State."""

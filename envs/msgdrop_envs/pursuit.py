@@ -93,6 +93,7 @@ class Pursuit:
     observation_dtype = torch.uint8
     actions = len(MOVES)
     counts: tuple[str, ...] = ("catches", "edge_hits")
+    final_counts: tuple[str, ...] = ()
     metrics: Mapping[str, Metric] = {
         "catches_per_500": Metric(
             "catches", "steps", 500.0, "higher", "evader catches in 500 env steps"
