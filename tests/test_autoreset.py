@@ -2,7 +2,7 @@
 
 import torch
 
-from msgdrop_envs import autoreset
+from msgdrop_envs import autoreset, navigation
 from msgdrop_envs.protocol import Transition
 from msgdrop_envs.pursuit import Config, Pursuit, State
 from tests.pursuit_positions import RING, STAY, position, stack, uniform, windows
@@ -61,3 +61,17 @@ def test_only_games_that_end_restart() -> None:
     assert games.elapsed.tolist() == [0, 11]
     assert games.state.pursuers[1].tolist() == [list(cell) for cell in RING]
     assert torch.equal(games.obs[1], transition.obs[1])
+
+
+def test_final_counts_count_in_the_last_step_only() -> None:
+    """Landmarks covered are 0 until the time limit ends the episode; collisions count always."""
+    config = navigation.Config(agents=2, landmarks=2, time_limit=3, cover_radius=0.2)
+    env = config.build(torch.device("cpu"))
+    numbers = torch.full((1, env.reset_uniforms), 0.5)  # everything on one point, for ever
+    games = autoreset.start(env, numbers, torch.zeros(1, dtype=torch.int64))
+    rows = []
+    for _ in range(4):
+        still = torch.zeros(1, 2, dtype=torch.int64)
+        games, transition = autoreset.step(env, games, still, torch.zeros(1, 0), numbers)
+        rows.append([transition.info["covered"].item(), transition.info["collisions"].item()])
+    assert rows == [[0, 1], [0, 1], [2, 1], [0, 1]]

@@ -102,6 +102,7 @@ def test_metrics_are_ratios_of_things_that_are_counted(name: str) -> None:
     """Each metric divides a count, the return, steps or finished games by steps or episodes."""
     env = registry.make(name)
     assert env.metrics
+    assert set(env.final_counts) <= set(env.counts)
     for metric in env.metrics.values():
         assert metric.count in {*env.counts, "return", "steps", "finished"}
         assert metric.per in {"steps", "episodes"}
