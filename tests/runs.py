@@ -16,7 +16,7 @@ def planned(
     seed: int = 1,
     environment: str = "pursuit-n6",
     time_limit: int = 60,
-    map_size: int = 15,
+    map_size: int | None = None,
     train_env_steps: int = 480,
     checkpoint_every_env_steps: int = 160,
     **config: object,
@@ -32,11 +32,10 @@ def planned(
         **named.overrides,
         **config,
     }
+    rules = {"time_limit": time_limit, **({"map_size": map_size} if map_size else {})}
     spec = RunSpec(
         environment=environment,
-        environment_config=replace(
-            known.environment(environment), time_limit=time_limit, map_size=map_size
-        ),
+        environment_config=replace(known.environment(environment), **rules),
         algorithm=named.learner,
         algorithm_config=named.config_class(**settings),
         training=TrainingSpec(

@@ -7,7 +7,7 @@ import pytest
 import torch
 
 from msgdrop_cli.algorithms.dcc import DCC, NAMED, PAPER, Config
-from msgdrop_envs import pursuit, registry
+from msgdrop_envs import registry
 from tests.dcc_samples import (
     AGENTS,
     OBSERVATION,
@@ -104,12 +104,15 @@ def test_scaling_inputs_is_scaling_weights(network: str) -> None:
         *(("fdc", environment, 14_325) for environment in ("pursuit-n6", "pursuit-n8")),
         ("concat-md", "pursuit-n6", 61_365),
         ("concat-dcc", "pursuit-n8", 80_181),
+        *((name, "navigation-n8", 25_989) for name in ("dcc", "dcc-md")),
+        *((name, "navigation-n10", 35_461) for name in ("dcc", "dcc-md")),
+        ("fdc", "navigation-n8", 8_645),
     ],
 )
 def test_named_algorithms_have_the_papers_sizes(name: str, environment: str, expected: int) -> None:
-    """Parameters per agent with the paper's settings (paper-facts 3.3; figure 8, l. 745-751)."""
+    """Parameters per agent with the paper's settings (figure 8, l. 745-751, 757-761)."""
     config = Config(**{**PAPER[environment], **NAMED[name]})
-    env = registry.make(pursuit.PAPER[environment])
+    env = registry.make(environment)
     learner = DCC([config], env)
     assert learner.init_uniforms == env.agents * expected
     assert sum(view[0].numel() for view in learner.policy(0).values()) == expected

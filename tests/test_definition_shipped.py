@@ -6,6 +6,8 @@ The claims are held against a table of their own, read off the paper's text a se
 import re
 from itertools import product
 
+from dataclasses import replace
+
 import pytest
 
 from msgdrop_cli.definition.load import list_definitions, load_definition
@@ -128,11 +130,15 @@ def test_the_papers_scale_is_the_papers(name: str) -> None:
 
 @pytest.mark.parametrize("name", NAMES)
 def test_a_shorter_training_explores_for_half_of_it(name: str) -> None:
-    """Epsilon kept at the paper's 2,000,000 steps would leave short runs at random play."""
-    for profile in ("quick", "million"):
-        for run in plan(load_definition(name), profile, CATALOGUE).runs:
-            anneal = run.spec.algorithm_config.epsilon_anneal_env_steps
-            assert anneal == run.spec.training.train_env_steps // 2
+    """Epsilon kept at the paper's pace would leave short runs at random play; long ones keep it."""
+    definition = load_definition(name)
+    papers = {run.spec.environment: run.spec for run in plan(definition, "paper", CATALOGUE).runs}
+    for profile in set(definition.profiles) - {"paper"}:
+        for run in plan(definition, profile, CATALOGUE).runs:
+            paper, steps = papers[run.spec.environment], run.spec.training.train_env_steps
+            whole = steps == paper.training.train_env_steps
+            expected = paper.algorithm_config.epsilon_anneal_env_steps if whole else steps // 2
+            assert run.spec.algorithm_config.epsilon_anneal_env_steps == expected
 
 
 def test_the_first_command_of_the_readme_trains_600_000_env_steps() -> None:
@@ -148,3 +154,17 @@ def test_the_published_question_is_what_the_issue_asks() -> None:
     arms = ("fdc", "dcc", "md-0.2", "sd-0.2")
     assert asked == {("pursuit-n6", variant, seed) for variant in arms for seed in (1, 2)}
     assert made.broken_links == (0.0, 0.5, 1.0)
+
+
+def test_navigation_is_asked_in_both_orders_of_the_landmarks() -> None:
+    """Each scale of `navigation` has a twin that differs in `landmark_order` only."""
+    definition = load_definition("navigation")
+    for profile in ("quick", "million", "paper"):
+        pairs = zip(
+            plan(definition, profile, CATALOGUE).runs,
+            plan(definition, f"{profile}-nearest", CATALOGUE).runs,
+            strict=True,
+        )
+        for fixed, nearest in pairs:
+            rules = replace(fixed.spec.environment_config, landmark_order="nearest")
+            assert nearest.spec == replace(fixed.spec, environment_config=rules) != fixed.spec

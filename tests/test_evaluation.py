@@ -44,6 +44,19 @@ def test_every_episode_is_played_whole_and_once(tmp_path: Path) -> None:
         assert (row["return"] > floor + 1) == (row["catches"] > 0)
 
 
+def test_a_position_is_counted_at_the_end_only(tmp_path: Path) -> None:
+    """Of 8 landmarks of navigation at most 8 are covered, however long the episode."""
+    run = planned("fdc", environment="navigation-n8", time_limit=25, train_env_steps=160)
+    [outcome] = train_cohort([run], tmp_path)
+    rows = evaluate(outcome.path, broken_links=0.0, episodes=200)
+    assert {row["steps"] for row in rows} == {25}
+    assert not any(row["finished"] for row in rows)
+    assert 1 <= max(row["covered"] for row in rows) <= 8
+    assert max(row["collisions"] for row in rows) > 8
+    for row in rows:
+        assert row["return"] <= -4 * row["collisions"]
+
+
 def test_evaluation_repeats_itself(trained: dict[str, Path]) -> None:
     """The same policy and channel give the same rows."""
     first, second = (evaluate(trained["dcc-md"], broken_links=0.5, episodes=20) for _ in range(2))

@@ -1,6 +1,7 @@
 """A run's result depends on its spec and seed only, bit for bit on one machine."""
 
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -52,6 +53,25 @@ def test_every_variant_is_independent_of_its_cohort(algorithm: str, tmp_path: Pa
     runs = [planned(algorithm, seed=seed, train_env_steps=200) for seed in (1, 2)]
     together = _train(runs, tmp_path / "together")
     assert together[1] == _train([runs[1]], tmp_path / "alone")[0]
+
+
+@pytest.mark.parametrize("algorithm", ["fdc", "dcc-md", "dcc-sd"])
+def test_numbers_instead_of_bytes_are_independent_too(algorithm: str, tmp_path: Path) -> None:
+    """The same for navigation, whose observations go through the dense first layer."""
+    spec: dict[str, Any] = {"environment": "navigation-n8", "time_limit": 7}
+    runs = [planned(algorithm, seed=seed, train_env_steps=200, **spec) for seed in (1, 2, 3)]
+    together = _train(runs, tmp_path / "together")
+    assert together[1] == _train([runs[1]], tmp_path / "alone")[0]
+
+
+@pytest.mark.usefixtures("asked_at_every_step")
+def test_navigation_stopped_and_resumed_is_undisturbed(tmp_path: Path) -> None:
+    """Places, velocities and the replay of numbers come back from a checkpoint as they were."""
+    run = planned(environment="navigation-n10", time_limit=7, train_env_steps=320)
+    expected = _train([run], tmp_path / "undisturbed")[0]
+    [outcome] = train_cohort([run], tmp_path / "stopped", stop=StopAt(27))
+    assert (outcome.status, outcome.env_steps) == ("interrupted", 216)
+    assert _train([run], tmp_path / "stopped")[0] == expected
 
 
 @pytest.mark.parametrize("steps", [3, 12, 20, 21, 40, 59])

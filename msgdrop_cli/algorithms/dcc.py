@@ -101,17 +101,22 @@ NAMED: Mapping[str, Mapping[str, Any]] = {
 }
 """The names that definitions and `--algorithm` use, and what each changes in the Config."""
 
+_NAVIGATION = {"f_units": (64, 64), "g_units": 64, "epsilon_anneal_env_steps": 400_000}
 PAPER: Mapping[str, Mapping[str, Any]] = {
     "pursuit-n6": {},
     "pursuit-n8": {"g_units": 128},
+    "navigation-n8": _NAVIGATION,
+    "navigation-n10": _NAVIGATION,
 }
-"""What the supplement changes for each environment (l. 751)."""
+"""What the supplement changes for each environment (l. 751, 757-763)."""
 
 TRAINING: Mapping[str, Mapping[str, Any]] = {
     "pursuit-n6": {"train_env_steps": 5_000_000},
     "pursuit-n8": {"train_env_steps": 5_000_000},
+    "navigation-n8": {"train_env_steps": 1_000_000},
+    "navigation-n10": {"train_env_steps": 1_000_000},
 }
-"""How long the paper's runs are (ours: it only says that epsilon anneals over 2e6 steps)."""
+"""How long the paper's runs are (ours: 2.5 times the steps over which epsilon anneals)."""
 
 
 class DCC:
