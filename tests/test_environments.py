@@ -98,6 +98,20 @@ def test_shapes_and_types(name: str, batch: tuple[int, ...]) -> None:
 
 
 @pytest.mark.parametrize("name", SETTINGS)
+def test_everything_lives_on_the_environments_device(name: str) -> None:
+    """On torch's `meta` device, where any tensor left on the CPU is an error."""
+    device = torch.device("meta")
+    env = registry.make(name, device)
+    state = env.reset(torch.zeros(GAMES, env.reset_uniforms, device=device))
+    actions = torch.zeros(GAMES, env.agents, dtype=torch.int64, device=device)
+    state, transition = env.step(
+        state, actions, torch.zeros(GAMES, env.step_uniforms, device=device)
+    )
+    found = (*tensors(state), *transition[:-1], *transition.info.values())
+    assert {tensor.device for tensor in found} == {device}
+
+
+@pytest.mark.parametrize("name", SETTINGS)
 def test_metrics_are_ratios_of_things_that_are_counted(name: str) -> None:
     """Each metric divides a count, the return, steps or finished games by steps or episodes."""
     env = registry.make(name)
