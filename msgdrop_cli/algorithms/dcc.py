@@ -105,16 +105,13 @@ _NAVIGATION = {"f_units": (64, 64), "g_units": 64, "epsilon_anneal_env_steps": 4
 PAPER: Mapping[str, Mapping[str, Any]] = {
     "pursuit-n6": {},
     "pursuit-n8": {"g_units": 128},
-    "navigation-n8": _NAVIGATION,
-    "navigation-n10": _NAVIGATION,
+    **dict.fromkeys(("navigation-n8", "navigation-n10"), _NAVIGATION),
 }
-"""What the supplement changes for each environment (l. 751, 757-763)."""
+"""What the supplement changes for each environment (l. 751, 757-762)."""
 
 TRAINING: Mapping[str, Mapping[str, Any]] = {
-    "pursuit-n6": {"train_env_steps": 5_000_000},
-    "pursuit-n8": {"train_env_steps": 5_000_000},
-    "navigation-n8": {"train_env_steps": 1_000_000},
-    "navigation-n10": {"train_env_steps": 1_000_000},
+    **{name: {"train_env_steps": 5_000_000} for name in ("pursuit-n6", "pursuit-n8")},
+    **{name: {"train_env_steps": 1_000_000} for name in ("navigation-n8", "navigation-n10")},
 }
 """How long the paper's runs are (ours: 2.5 times the steps over which epsilon anneals)."""
 
@@ -299,6 +296,5 @@ def _network(config: Config, env: Environment) -> Network:
 
 def _shown_agents(agents: int, device: torch.device | str) -> Tensor:
     """Row i: agent i, then all others in increasing order (the paper's m^i, l. 149): [N, N]."""
-    return torch.tensor(
-        [[i, *(j for j in range(agents) if j != i)] for i in range(agents)], device=device
-    )
+    rows = [[i, *(j for j in range(agents) if j != i)] for i in range(agents)]
+    return torch.tensor(rows, device=device)
