@@ -14,7 +14,7 @@ from tests.slow_navigation import Point
 
 @pytest.mark.parametrize("name", ["navigation-n8", "navigation-n10"])
 def test_the_papers_games(name: str) -> None:
-    """N = L = 8 or 10, R2- = 2 (l. 382), T = 25, 4N + 2 numbers (l. 759), everything own."""
+    """N = L = 8 or 10, R2- = 2 (l. 381), T = 25, 4N + 2 numbers (l. 759), everything own."""
     config = PAPER[name]
     env = config.build(torch.device("cpu"))
     assert name == f"navigation-n{config.agents}"

@@ -63,6 +63,7 @@ LINES = {
     371: "up to $D$ distances in four directions",
     372: r"$3\times (2D+1)\times (2D+1)$ observation window",
     373: "we set $R^+=5$, $R_1^-=0.05$, $R_2^-=0.5$, $T=500$, $M=2$ and $D=3$",
+    377: r"introduced in \cite{mordatch2017emergence}",
     378: "occupy all of the landmarks",
     379: "only if the distance is less than $D$",
     380: "minimun of the distances",
@@ -83,6 +84,7 @@ LINES = {
     421: "significantly outperforms both simple DCC and FDC",
     422: "simple DCC has even worse performance than FDC",
     428: "dropout rate $0.2$ and $0.5$",
+    429: "the sum of all agents' rewards averaged over $7$ random seeds",
     430: "outperforms simple DCC and FDC",
     436: "$0.2$ and $0.5$",
     439: "MADDPG-MD outperforms both",
@@ -115,6 +117,7 @@ LINES = {
     753: r"$\epsilon$ annealed from 1 to 0.02 over initial $2\times 10^6$ time steps",
     759: r"$4\times N+2$",
     760: "64, 64, 32, 5 units",
+    762: r"over $4\times 10^5$ time steps",
 }
 """Key words of each line that may be cited by itself."""
 

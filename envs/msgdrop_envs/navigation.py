@@ -39,14 +39,14 @@ CONTACT_FORCE, CONTACT_MARGIN = 100.0, 1e-3
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Config:
-    """The settings of a game; the defaults are the paper's N=8 case (l. 382)."""
+    """The settings of a game; the defaults are the paper's N=8 case (l. 381)."""
 
     agents: int = 8
-    """N (paper l. 382)."""
+    """N (paper l. 381)."""
     landmarks: int = 8
-    """L (paper l. 382)."""
+    """L (paper l. 381)."""
     collision_penalty: float = 2.0
-    """R2- (paper l. 382)."""
+    """R2- (paper l. 381)."""
     sight: float = 0.5
     """D; others are seen if strictly nearer (ours: a fifth of the area, as in pursuit)."""
     time_limit: int = 25
