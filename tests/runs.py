@@ -55,6 +55,18 @@ def planned(
     )
 
 
+class StopAt:
+    """Stops the training when it is asked for the `calls`-th time; asked at every step."""
+
+    def __init__(self, calls: int) -> None:
+        self.calls = calls
+
+    def __call__(self) -> bool:
+        """Whether to stop now."""
+        self.calls -= 1
+        return self.calls <= 0
+
+
 def digest(path: Path) -> str:
     """SHA-256 over a run's policy and log, wall times left out: one digest, one result."""
     lines = (path / "metrics.jsonl").read_text().splitlines()

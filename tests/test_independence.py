@@ -7,23 +7,10 @@ import pytest
 
 from msgdrop_cli.definition.spec import PlannedRun
 from msgdrop_cli.engine import run as engine
-from msgdrop_cli.engine.checkpoint import Checkpoints
 from msgdrop_cli.engine.run import train_cohort
 from msgdrop_cli.engine.training import Training
 from msgdrop_cli.records.store import list_runs
-from tests.runs import digest, planned
-
-
-class StopAt:
-    """Stops the training when it is asked for the `calls`-th time; asked at every step."""
-
-    def __init__(self, calls: int) -> None:
-        self.calls = calls
-
-    def __call__(self) -> bool:
-        """Whether to stop now."""
-        self.calls -= 1
-        return self.calls <= 0
+from tests.runs import StopAt, digest, planned
 
 
 @pytest.fixture
@@ -104,23 +91,6 @@ def test_a_stopped_cohort_can_go_on_in_parts(tmp_path: Path) -> None:
     expected = _train(runs, tmp_path / "undisturbed")
     train_cohort(runs, tmp_path / "stopped", stop=StopAt(30))
     assert [_train([run], tmp_path / "stopped")[0] for run in runs] == expected
-
-
-@pytest.mark.usefixtures("asked_at_every_step")
-def test_a_damaged_checkpoint_is_passed_over(tmp_path: Path) -> None:
-    """The older checkpoint serves, and the result is the same."""
-    run = planned()
-    expected = _train([run], tmp_path / "undisturbed")[0]
-    [outcome] = train_cohort([run], tmp_path / "stopped", stop=StopAt(45))
-    newest = max((outcome.path / "checkpoints").glob("0*"))
-    state = newest / "state.safetensors"
-    content = bytearray(state.read_bytes())
-    content[len(content) // 2] ^= 1
-    state.write_bytes(content)
-    found = Checkpoints(outcome.path).latest()
-    assert found is not None
-    assert found.env_steps < 8 * 45
-    assert _train([run], tmp_path / "stopped")[0] == expected
 
 
 def test_two_seeds_give_two_results(tmp_path: Path) -> None:

@@ -4,8 +4,8 @@
     checkpoints/<env steps>/state.safetensors       networks, optimiser, games, sums, cut episodes
     checkpoints/<env steps>/MANIFEST.json           counters, and size and SHA-256 of every file
 
-A checkpoint exists if and only if its manifest verifies. Two are kept; the older one serves if
-the newer is damaged.
+A checkpoint exists if and only if its manifest verifies: it names its run, and seals itself. Two
+are kept; the older one serves if the newer is damaged.
 """
 
 import dataclasses
@@ -15,18 +15,27 @@ import os
 import re
 import shutil
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from torch import Tensor
 
-from msgdrop_cli.engine.tensors import copy_into, parse_tensors, write_tensors
+from msgdrop_cli.engine.tensors import (
+    LARGEST_FILE,
+    Fingerprint,
+    copy_into,
+    fingerprint,
+    parse_tensors,
+    write_tensors,
+)
 from msgdrop_cli.engine.training import Training
 from msgdrop_cli.errors import RecordError
-from msgdrop_cli.records.files import sync_folder, write_json_atomic
+from msgdrop_cli.records.files import read_bytes, read_json, sync_folder, write_json_atomic
 
 KEPT = 2
+STATE, MANIFEST = "state.safetensors", "MANIFEST.json"
 _SEGMENT = re.compile(r"(\d{1,15})-(\d{1,15})\.safetensors")
 
 
@@ -36,6 +45,7 @@ class Checkpoint:
 
     path: Path
     counters: Mapping[str, Any]
+    files: Mapping[str, Fingerprint]
     state: Mapping[str, Tensor]
     segments: tuple[tuple[int, Mapping[str, Tensor]], ...]
     """First step and tensors of each stretch of the replay memory, in order."""
@@ -47,11 +57,14 @@ class Checkpoint:
 
 
 class Checkpoints:
-    """The checkpoints of one run."""
+    """The checkpoints of one run; only the holder of the run's lock may use them."""
 
-    def __init__(self, run_path: Path) -> None:
+    def __init__(self, run_path: Path, run_id: str) -> None:
         self._folder = run_path / "checkpoints"
         self._replay = self._folder / "replay"
+        self._run_id = run_id
+        self._known: dict[str, Fingerprint] = {}
+        """Fingerprints of the segments, from when they were written or verified."""
 
     def save(self, training: Training, run: int, counters: Mapping[str, Any]) -> None:
         """Write a checkpoint of run number `run` of the cohort; raises RecordError (73, 74).
@@ -63,19 +76,21 @@ class Checkpoints:
         except OSError as error:
             raise RecordError(f"{self._folder}: cannot be created: {error.strerror}", 73) from error
         self._write_segment(training, run)
+        oldest = training.replay.added - training.replay.slots + 1
         temporary = self._folder / f".tmp-{os.getpid()}"
         final = self._folder / f"{training.env_steps:015d}"
         try:
             shutil.rmtree(temporary, ignore_errors=True)
             temporary.mkdir()
-            write_tensors(temporary / "state.safetensors", _state(training, run))
-            files = {f"replay/{s.name}": s for s in self._segments(training)}
-            files["state.safetensors"] = temporary / "state.safetensors"
+            state = write_tensors(temporary / STATE, _state(training, run))
+            live = {name: known for name, known in self._known.items() if _steps(name)[1] > oldest}
             manifest = {
+                "run_id": self._run_id,
                 "counters": {**counters, **_counters(training)},
-                "files": {name: _fingerprint(path.read_bytes()) for name, path in files.items()},
+                "files": {STATE: state, **live},
             }
-            write_json_atomic(temporary / "MANIFEST.json", manifest)
+            sealed = {**manifest, "seal": _seal(manifest)}
+            write_json_atomic(temporary / MANIFEST, sealed)
             shutil.rmtree(final, ignore_errors=True)
             temporary.rename(final)
             sync_folder(self._folder)
@@ -84,14 +99,26 @@ class Checkpoints:
             raise RecordError(f"{final}: cannot be written: {error.strerror}", 74) from error
         self._prune()
 
-    def latest(self) -> Checkpoint | None:
-        """The newest checkpoint that verifies, or None; a damaged one is passed over."""
+    def latest(self, log_rows: int) -> Checkpoint | None:
+        """The newest checkpoint that verifies, or None.
+
+        log_rows: whole rows in the run's log; a checkpoint that needs more of them is of no use.
+        What is damaged, or belongs to a future that is lost with it, is removed.
+        """
+        found = None
         for path in reversed(self._paths()):
             try:
-                return self._read(path)
+                found = self._read(path, log_rows)
+                break
             except RecordError:
-                continue
-        return None
+                shutil.rmtree(path, ignore_errors=True)
+        self._known = {n: f for n, f in found.files.items() if n != STATE} if found else {}
+        for segment in self._replay.glob("*"):
+            if segment.name not in self._known:
+                segment.unlink(missing_ok=True)
+        for leftover in self._folder.glob(".tmp-*"):
+            shutil.rmtree(leftover, ignore_errors=True)
+        return found
 
     def remove(self) -> None:
         """Remove all of them: the run is done."""
@@ -100,61 +127,51 @@ class Checkpoints:
     def _paths(self) -> list[Path]:
         return sorted(p for p in self._folder.glob("[0-9]*") if p.is_dir() and not p.is_symlink())
 
-    def _segments(self, training: Training) -> list[Path]:
-        """The segments with steps that can still be sampled, in order."""
-        oldest = training.replay.added - training.replay.slots + 1
-        return [path for _, last, path in self._stretches() if last > oldest]
-
-    def _stretches(self) -> list[tuple[int, int, Path]]:
-        found = []
-        for path in self._replay.glob("*.safetensors"):
-            if match := _SEGMENT.fullmatch(path.name):
-                found.append((int(match[1]), int(match[2]), path))
-        return sorted(found)
-
     def _write_segment(self, training: Training, run: int) -> None:
-        """Write the steps that no segment holds yet; those after `added` are a lost future's."""
+        """Write the steps of the replay memory that no segment holds yet."""
         added = training.replay.added
-        for _, last, path in self._stretches():
-            if last > added:
-                path.unlink()
-        saved = max((last for _, last, _ in self._stretches()), default=0)
+        saved = max((_steps(name)[1] for name in self._known), default=0)
         first = max(saved, added - training.replay.slots + 1, 0)
         if first < added:
-            path = self._replay / f"{first:015d}-{added:015d}.safetensors"
-            write_tensors(path, training.replay.stretch(run, first, added))
+            name = f"{first:015d}-{added:015d}.safetensors"
+            stretch = training.replay.stretch(run, first, added)
+            self._known[name] = write_tensors(self._replay / name, stretch)
 
     def _prune(self) -> None:
+        """Keep the newest checkpoints and the segments that they name."""
         for path in self._paths()[:-KEPT]:
             shutil.rmtree(path, ignore_errors=True)
-        used = {name for path in self._paths() for name in _manifest(path).get("files", ())}
-        for _, _, path in self._stretches():
-            if f"replay/{path.name}" not in used:
-                path.unlink(missing_ok=True)
+        used: set[str] = set()
+        for path in self._paths():
+            with suppress(RecordError):
+                used |= set(self._manifest(path)["files"])
+        for name in set(self._known) - used:
+            del self._known[name]
+            (self._replay / name).unlink(missing_ok=True)
 
-    def _read(self, path: Path) -> Checkpoint:
-        try:
-            manifest = _manifest(path)
-            counters, files = manifest["counters"], manifest["files"]
-            contents: dict[str, dict[str, Tensor]] = {}
-            for name, fingerprint in files.items():
-                file = path / name if name == "state.safetensors" else self._segment_path(name)
-                content = file.read_bytes()
-                if _fingerprint(content) != fingerprint:
-                    raise RecordError(f"{file}: is damaged: it is not what the manifest says")
-                contents[name] = parse_tensors(content, file)
-            state = contents.pop("state.safetensors")
-        except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
-            raise RecordError(f"{path}: is no whole checkpoint") from error
-        segments = tuple((_first_step(name), contents[name]) for name in sorted(contents))
-        return Checkpoint(path, counters, state, segments)
+    def _manifest(self, path: Path) -> dict[str, Any]:
+        """The manifest of a checkpoint of this run; RecordError for any other."""
+        manifest = read_json(path / MANIFEST)
+        if not isinstance(manifest, dict) or manifest.pop("seal", None) != _seal(manifest):
+            raise RecordError(f"{path / MANIFEST}: is damaged")
+        if manifest["run_id"] != self._run_id:
+            raise RecordError(f"{path}: is a checkpoint of the run {manifest['run_id']}")
+        return manifest
 
-    def _segment_path(self, name: str) -> Path:
-        """The file of a segment named in a manifest; nothing outside the replay folder."""
-        base = name.removeprefix("replay/")
-        if not _SEGMENT.fullmatch(base):
-            raise RecordError(f"{name[:64]!r} is no segment's name")
-        return self._replay / base
+    def _read(self, path: Path, log_rows: int) -> Checkpoint:
+        manifest = self._manifest(path)
+        if manifest["counters"]["rows"] > log_rows:
+            raise RecordError(f"{path}: the log has lost rows that were there")
+        contents: dict[str, dict[str, Tensor]] = {}
+        for name, expected in manifest["files"].items():
+            file = path / name if name == STATE else self._replay / name
+            content = read_bytes(file, LARGEST_FILE)
+            if fingerprint(content) != expected:
+                raise RecordError(f"{file}: is damaged: it is not what the manifest says")
+            contents[name] = parse_tensors(content, file)
+        state = contents.pop(STATE)
+        segments = tuple((_steps(name)[0], contents[name]) for name in sorted(contents))
+        return Checkpoint(path, manifest["counters"], manifest["files"], state, segments)
 
 
 def restore(training: Training, run: int, checkpoint: Checkpoint) -> None:
@@ -171,15 +188,6 @@ def restore(training: Training, run: int, checkpoint: Checkpoint) -> None:
     for first, tensors in checkpoint.segments:
         training.replay.restore_stretch(run, first, tensors)
     training.replay.put(run, training.games.obs[run])
-
-
-def _manifest(path: Path) -> dict[str, Any]:
-    """The manifest of a checkpoint, or nothing if it is damaged."""
-    try:
-        manifest = json.loads((path / "MANIFEST.json").read_text())
-    except (OSError, ValueError):
-        return {}
-    return manifest if isinstance(manifest, dict) else {}
 
 
 def _state(training: Training, run: int) -> dict[str, Tensor]:
@@ -203,9 +211,14 @@ def _counters(training: Training) -> dict[str, Any]:
     }
 
 
-def _fingerprint(content: bytes) -> dict[str, Any]:
-    return {"size": len(content), "sha256": hashlib.sha256(content).hexdigest()}
+def _seal(manifest: Mapping[str, Any]) -> str:
+    """SHA-256 over a manifest: a digit changed in a counter is damage, too."""
+    return hashlib.sha256(json.dumps(manifest, sort_keys=True).encode()).hexdigest()
 
 
-def _first_step(name: str) -> int:
-    return int(name.removeprefix("replay/").split("-")[0])
+def _steps(segment: str) -> tuple[int, int]:
+    """The first step in a segment, and the first one after it."""
+    match = _SEGMENT.fullmatch(segment)
+    if match is None:
+        raise RecordError(f"{segment[:64]!r} is no segment's name")
+    return int(match[1]), int(match[2])

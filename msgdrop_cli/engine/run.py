@@ -7,8 +7,8 @@ and resume, or on whether somebody watches (tests/test_independence.py).
 import math
 import time
 from collections.abc import Callable, Iterable, Sequence
-from contextlib import ExitStack
-from dataclasses import dataclass
+from contextlib import ExitStack, suppress
+from dataclasses import dataclass, replace
 from itertools import groupby
 from pathlib import Path
 from typing import Any
@@ -22,7 +22,13 @@ from msgdrop_cli.engine.tensors import write_tensors
 from msgdrop_cli.engine.training import Training
 from msgdrop_cli.errors import RecordError, RunError
 from msgdrop_cli.networks.kernel import kernel_name
-from msgdrop_cli.records.files import append_jsonl, cut_jsonl, run_lock, write_json_atomic
+from msgdrop_cli.records.files import (
+    append_jsonl,
+    count_jsonl,
+    cut_jsonl,
+    run_lock,
+    write_json_atomic,
+)
 from msgdrop_cli.records.store import (
     METRICS,
     POLICY,
@@ -50,6 +56,8 @@ class RunOutcome:
     reason: str | None
     env_steps: int
     wall_time_s: float
+    exit_code: int = 0
+    """0, 3 for a run that failed or diverged, or what a fault of the disk asks for."""
 
 
 @dataclass(slots=True)
@@ -58,8 +66,11 @@ class _Run:
 
     planned: PlannedRun
     path: Path
+    checkpoints: Checkpoints
     checkpoint: Checkpoint | None
     wall_time_s: float
+    note: str | None
+    """What the user should know about how it went on."""
     rows: int = 0
     """Rows in metrics.jsonl."""
     diverged: str | None = None
@@ -80,7 +91,8 @@ def train_cohort(
 
     `stop` is asked about twice a second; if it says so, checkpoints are written and the outcomes
     are `interrupted`. Any other fault makes the runs `failed`, with the reason.
-    Raises RecordError if another process trains one of them (75).
+    Raises RecordError if another process trains one of them (75), RunError if one was begun with
+    another kernel.
     """
     torch.set_num_threads(THREADS)
     outcomes = []
@@ -104,7 +116,15 @@ def _open(planned: PlannedRun, path: Path) -> _Run:
     record = find_run(path, planned.run_id)
     if record is None:
         record = create_run(path, planned, {})
-    return _Run(planned, path, Checkpoints(path).latest(), float(record.run["wall_time_s"]))
+    checkpoints = Checkpoints(path, planned.run_id)
+    checkpoint = checkpoints.latest(count_jsonl(path / METRICS))
+    if checkpoint is not None:
+        _check_kernel(checkpoint)
+    note = None
+    if record.env_steps > (checkpoint.env_steps if checkpoint else 0):
+        start = f"{checkpoint.env_steps} env steps" if checkpoint else "the beginning"
+        note = f"went on from {start}: what was newer is damaged or gone"
+    return _Run(planned, path, checkpoints, checkpoint, float(record.run["wall_time_s"]), note)
 
 
 def _train_group(runs: list[_Run], device: str, stop: Callable[[], bool]) -> list[RunOutcome]:
@@ -112,9 +132,12 @@ def _train_group(runs: list[_Run], device: str, stop: Callable[[], bool]) -> lis
         return _Session(runs, device).train(stop)
     except Exception as error:  # whatever it was, it is written down, and the other cohorts go on
         reason = f"{type(error).__name__}: {error}"
+        code = error.exit_code if isinstance(error, RecordError) and error.exit_code > 64 else 3
         for run in runs:
-            set_status(run.path, "failed", reason)
-        return [_outcome(run.planned, run.path, "failed", reason) for run in runs]
+            with suppress(RecordError):  # a full disk may refuse this, too
+                set_status(run.path, "failed", reason)
+        outcomes = [_outcome(run.planned, run.path, "failed", reason) for run in runs]
+        return [replace(outcome, exit_code=code) for outcome in outcomes]
 
 
 class _Session:
@@ -128,7 +151,6 @@ class _Session:
         self.logged_at = 0
         for number, run in enumerate(runs):
             if run.checkpoint is not None:
-                _check_kernel(run.checkpoint)
                 restore(self.training, number, run.checkpoint)
                 run.rows = int(run.checkpoint.counters["rows"])
                 self.logged_at = int(run.checkpoint.counters["logged_at"])
@@ -186,7 +208,7 @@ class _Session:
     def _checkpoint(self) -> None:
         for number, run in self._sound():
             counters = {"rows": run.rows, "logged_at": self.logged_at, "kernel": kernel_name()}
-            Checkpoints(run.path).save(self.training, number, counters)
+            run.checkpoints.save(self.training, number, counters)
             set_status(run.path, "running", **self._progress_facts(run))
 
     def _finish(self) -> list[RunOutcome]:
@@ -196,15 +218,16 @@ class _Session:
             write_tensors(run.path / POLICY, self.training.learner.policy(number))
         outcomes = self._close("done")
         for _, run in self._sound():
-            Checkpoints(run.path).remove()
+            run.checkpoints.remove()
         return outcomes
 
     def _close(self, status: Status) -> list[RunOutcome]:
         outcomes = []
         for run in self.runs:
             word: Status = "diverged" if run.diverged else status
-            set_status(run.path, word, run.diverged, **self._progress_facts(run))
-            outcomes.append(_outcome(run.planned, run.path, word, run.diverged))
+            reason = run.diverged or run.note
+            set_status(run.path, word, reason, **self._progress_facts(run))
+            outcomes.append(_outcome(run.planned, run.path, word, reason))
             (run.path / PROGRESS).unlink(missing_ok=True)
         return outcomes
 
@@ -251,4 +274,5 @@ def _outcome(planned: PlannedRun, path: Path, status: Status, reason: str | None
     if record is None:
         raise RecordError(f"{path}: the record has gone")
     wall_time_s = float(record.run["wall_time_s"])
-    return RunOutcome(planned.run_id, path, status, reason, record.env_steps, wall_time_s)
+    code = 3 if status in ("failed", "diverged") else 0
+    return RunOutcome(planned.run_id, path, status, reason, record.env_steps, wall_time_s, code)

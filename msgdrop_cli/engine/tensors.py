@@ -1,5 +1,6 @@
 """Tensors on disk: safetensors only, written in one atomic step, distrusted when read."""
 
+import hashlib
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -9,16 +10,27 @@ from safetensors.torch import load, save
 from torch import Tensor
 
 from msgdrop_cli.errors import RecordError
-from msgdrop_cli.records.files import write_bytes_atomic
+from msgdrop_cli.records.files import read_bytes, write_bytes_atomic
 
+Fingerprint = dict[str, int | str]
+LARGEST_FILE = 2**31
 _LARGEST_HEADER = 1_000_000
 _MOST_TENSORS = 4_096
 
 
-def write_tensors(path: Path, tensors: Mapping[str, Tensor]) -> None:
-    """Write all tensors or, on any fault, nothing; raises RecordError (74)."""
+def write_tensors(path: Path, tensors: Mapping[str, Tensor]) -> Fingerprint:
+    """Write all tensors or, on any fault, nothing; raises RecordError (74).
+
+    Returns the fingerprint of what was meant to be written, not of what the disk made of it.
+    """
     content = save({name: t.detach().cpu().contiguous() for name, t in tensors.items()})
     write_bytes_atomic(path, content)
+    return fingerprint(content)
+
+
+def fingerprint(content: bytes) -> Fingerprint:
+    """Size in bytes and SHA-256."""
+    return {"size": len(content), "sha256": hashlib.sha256(content).hexdigest()}
 
 
 def parse_tensors(content: bytes, path: Path) -> dict[str, Tensor]:
@@ -36,11 +48,7 @@ def parse_tensors(content: bytes, path: Path) -> dict[str, Tensor]:
 
 def read_tensors(path: Path) -> dict[str, Tensor]:
     """The tensors in `path`; RecordError (2) if it cannot be read or is damaged."""
-    try:
-        content = path.read_bytes()
-    except OSError as error:
-        raise RecordError(f"{path}: cannot be read: {error.strerror}") from error
-    return parse_tensors(content, path)
+    return parse_tensors(read_bytes(path, LARGEST_FILE), path)
 
 
 def copy_into(views: Mapping[str, Tensor], tensors: Mapping[str, Tensor], path: Path) -> None:

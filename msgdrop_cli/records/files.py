@@ -92,7 +92,7 @@ def cut_jsonl(path: Path, keep: int) -> None:
     """
     if keep == 0 and not path.exists():
         return
-    lines = _whole_lines(_content(path))
+    lines = _whole_lines(read_bytes(path))
     if len(lines) < keep:
         raise RecordError(_message(path, f"expected {keep} rows, only {len(lines)} are whole"))
     try:
@@ -103,9 +103,14 @@ def cut_jsonl(path: Path, keep: int) -> None:
         raise _failed("cannot be written", path, error, CANNOT_WRITE) from error
 
 
+def count_jsonl(path: Path) -> int:
+    """Whole rows in the log `path`, 0 for a missing one; RecordError (2) if it is no file."""
+    return len(_whole_lines(read_bytes(path))) if path.exists() else 0
+
+
 def read_json(path: Path) -> Any:
     """The value in `path`, strings without control characters; RecordError if it is damaged."""
-    return _value(_content(path), str(path))
+    return _value(read_bytes(path), str(path))
 
 
 def read_jsonl(path: Path) -> list[dict[str, Any]]:
@@ -114,7 +119,7 @@ def read_jsonl(path: Path) -> list[dict[str, Any]]:
     Raises RecordError, naming file and line, for every other damage.
     """
     rows = []
-    for number, line in enumerate(_whole_lines(_content(path)), start=1):
+    for number, line in enumerate(_whole_lines(read_bytes(path)), start=1):
         row = _value(line, f"{path}: line {number}")
         if not isinstance(row, dict):
             raise RecordError(_message(path, f"line {number}: expected an object"))
@@ -154,14 +159,17 @@ def _remove_leftovers(path: Path) -> None:
             leftover.unlink()
 
 
-def _content(path: Path) -> bytes:
-    """The bytes of a regular file that is no link and not absurdly large."""
+def read_bytes(path: Path, largest: int = _LARGEST_FILE) -> bytes:
+    """The bytes of a regular file that is no link and has at most `largest` bytes.
+
+    Raises RecordError (2) for any other file.
+    """
     try:
         # O_NONBLOCK: opening somebody's named pipe must not wait for a writer.
         handle = os.open(path, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK)
         try:
             facts = os.fstat(handle)
-            if not stat.S_ISREG(facts.st_mode) or facts.st_size > _LARGEST_FILE:
+            if not stat.S_ISREG(facts.st_mode) or facts.st_size > largest:
                 raise RecordError(_message(path, "is not a record of msgdrop"))
             with os.fdopen(handle, "rb", closefd=False) as file:
                 return file.read()

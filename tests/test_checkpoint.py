@@ -1,0 +1,155 @@
+"""Damaged, foreign and lost checkpoints: found every time, and the result is undisturbed."""
+
+import json
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from msgdrop_cli.engine.run import RunOutcome, train_cohort
+from msgdrop_cli.errors import RunError
+from tests.runs import StopAt, digest, planned
+
+STOPPED = 45
+"""Steps of 8 games: 360 env steps, with checkpoints at 320 and 360."""
+
+
+@pytest.fixture(autouse=True)
+def asked_at_every_step(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Makes `stop` precise: it is asked after every step instead of twice a second."""
+    monkeypatch.setattr("msgdrop_cli.engine.run._LOOK_UP_EVERY_S", 0.0)
+
+
+@pytest.fixture(scope="module")
+def expected(tmp_path_factory: pytest.TempPathFactory) -> str:
+    """The digest of the undisturbed run."""
+    [outcome] = train_cohort([planned()], tmp_path_factory.mktemp("undisturbed"))
+    return digest(outcome.path)
+
+
+@pytest.fixture
+def stopped(tmp_path: Path) -> Path:
+    """The folder of a run that was stopped after two checkpoints."""
+    [outcome] = train_cohort([planned()], tmp_path, stop=StopAt(STOPPED))
+    assert len(list((outcome.path / "checkpoints").glob("0*"))) == 2
+    return outcome.path
+
+
+def flip(file: Path) -> None:
+    """Change one bit in the middle of a file."""
+    content = bytearray(file.read_bytes())
+    content[len(content) // 2] ^= 1
+    file.write_bytes(content)
+
+
+def newest(folder: Path) -> Path:
+    """The newest checkpoint."""
+    return max((folder / "checkpoints").glob("0*"))
+
+
+def segments(folder: Path) -> list[Path]:
+    """The stretches of the replay memory, in order."""
+    return sorted((folder / "checkpoints" / "replay").glob("*"))
+
+
+def change_counter(folder: Path) -> None:
+    """A digit of a counter in the newest manifest, which stays valid JSON."""
+    file = newest(folder) / "MANIFEST.json"
+    manifest = json.loads(file.read_text())
+    manifest["counters"]["streams"]["replay"] += 1
+    file.write_text(json.dumps(manifest))
+
+
+def nest(folder: Path) -> None:
+    """JSON that is nested deeper than Python reads."""
+    (newest(folder) / "MANIFEST.json").write_text("[" * 100_000)
+
+
+def blank_all(folder: Path) -> None:
+    """Both manifests are gone."""
+    for path in (folder / "checkpoints").glob("0*"):
+        (path / "MANIFEST.json").write_text("")
+
+
+def cut_log(folder: Path) -> None:
+    """The log has lost a row that both checkpoints rely on."""
+    log = folder / "metrics.jsonl"
+    log.write_text("".join(line + "\n" for line in log.read_text().splitlines()[:3]))
+
+
+DAMAGE: dict[str, tuple[Callable[[Path], object], int]] = {
+    "bit of the state": (lambda folder: flip(newest(folder) / "state.safetensors"), 320),
+    "bit of the last segment": (lambda folder: flip(segments(folder)[-1]), 320),
+    "bit of a shared segment": (lambda folder: flip(segments(folder)[-2]), 0),
+    "segment gone": (lambda folder: segments(folder)[-1].unlink(), 320),
+    "counter changed": (change_counter, 320),
+    "manifest nested": (nest, 320),
+    "manifests blank": (blank_all, 0),
+    "log cut": (cut_log, 0),
+    "log gone": (lambda folder: (folder / "metrics.jsonl").unlink(), 0),
+    "all gone": (lambda folder: shutil.rmtree(folder / "checkpoints"), 0),
+}
+"""What is done to the folder, and the env steps that the run can still go on from."""
+
+
+def resume(folder: Path, stop: Callable[[], bool] = lambda: False) -> RunOutcome:
+    """Go on with the run in `folder`."""
+    [outcome] = train_cohort([planned()], folder.parents[2], stop=stop)
+    return outcome
+
+
+@pytest.mark.parametrize(("damage", "goes_on_from"), DAMAGE.values(), ids=DAMAGE)
+def test_damage_is_found_and_the_result_is_the_same(
+    damage: Callable[[Path], object], goes_on_from: int, stopped: Path, expected: str
+) -> None:
+    """The older checkpoint serves, or the run starts over; the record says so once."""
+    damage(stopped)
+    outcome = resume(stopped)
+    start = f"{goes_on_from} env steps" if goes_on_from else "the beginning"
+    assert (outcome.status, outcome.reason) == (
+        "done",
+        f"went on from {start}: what was newer is damaged or gone",
+    )
+    assert digest(stopped) == expected
+
+
+@pytest.mark.parametrize(("damage", "goes_on_from"), DAMAGE.values(), ids=DAMAGE)
+def test_damage_and_another_stop(
+    damage: Callable[[Path], object], goes_on_from: int, stopped: Path, expected: str
+) -> None:
+    """What replaces damaged files is sound itself: stopped again soon after, still the same."""
+    damage(stopped)
+    outcome = resume(stopped, StopAt(3))
+    assert (outcome.status, outcome.env_steps) == ("interrupted", goes_on_from + 24)
+    again = resume(stopped)
+    assert (again.status, again.reason) == ("done", None)
+    assert digest(stopped) == expected
+
+
+def test_an_undisturbed_resume_says_nothing(stopped: Path, expected: str) -> None:
+    """No note without a reason."""
+    assert resume(stopped).reason is None
+    assert digest(stopped) == expected
+
+
+def test_another_runs_checkpoints_are_refused(tmp_path: Path, stopped: Path, expected: str) -> None:
+    """Whole and sound, but of another seed: the run starts over."""
+    [other] = train_cohort([planned(seed=2)], tmp_path / "other", stop=StopAt(STOPPED))
+    shutil.rmtree(stopped / "checkpoints")
+    shutil.copytree(other.path / "checkpoints", stopped / "checkpoints")
+    assert resume(stopped).status == "done"
+    assert digest(stopped) == expected
+
+
+def test_another_kernel_is_refused_before_training(
+    stopped: Path, expected: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The run stays `interrupted`, and goes on with the kernel that it began with."""
+    with monkeypatch.context() as patch:
+        patch.setattr("msgdrop_cli.engine.run.kernel_name", lambda: "another")
+        with pytest.raises(RunError, match="this process has 'another'"):
+            resume(stopped)
+    assert json.loads((stopped / "run.json").read_text())["status"] == "interrupted"
+    assert resume(stopped).status == "done"
+    assert digest(stopped) == expected
