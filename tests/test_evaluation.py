@@ -11,6 +11,7 @@ from msgdrop_cli.algorithms.dcc import DCC
 from msgdrop_cli.engine.catalogue import catalogue
 from msgdrop_cli.engine.evaluation import evaluate, evaluate_run
 from msgdrop_cli.engine.run import train_cohort
+from msgdrop_cli.engine.tensors import read_tensors, write_tensors
 from msgdrop_cli.errors import RecordError
 from msgdrop_cli.records.store import list_runs
 from msgdrop_envs import registry
@@ -160,4 +161,15 @@ def test_a_damaged_policy_is_refused(tmp_path: Path) -> None:
     policy = outcome.path / "policy.safetensors"
     policy.write_bytes(policy.read_bytes()[:-100])
     with pytest.raises(RecordError, match=r"policy\.safetensors: is damaged"):
+        evaluate(outcome.path, broken_links=0.0, episodes=2)
+
+
+def test_weights_that_are_not_finite_are_refused(tmp_path: Path) -> None:
+    """A policy of NaN would act, and mean nothing."""
+    [outcome] = train_cohort([planned(train_env_steps=160)], tmp_path)
+    policy = outcome.path / "policy.safetensors"
+    tensors = read_tensors(policy)
+    tensors["h2.bias"][0] = float("nan")
+    write_tensors(policy, tensors)
+    with pytest.raises(RecordError, match="not finite"):
         evaluate(outcome.path, broken_links=0.0, episodes=2)

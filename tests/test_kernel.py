@@ -1,5 +1,7 @@
 """The compiled first layer against the plain torch path, which is its oracle."""
 
+from pathlib import Path
+
 import pytest
 import torch
 
@@ -70,3 +72,26 @@ def test_the_torch_path_can_be_chosen(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("MSGDROP_KERNEL", "torch")
     assert kernel_module.kernel.__wrapped__() is None
     assert kernel_module.kernel() is not None
+
+
+def test_a_torn_library_is_built_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A truncated file in the cache is never loaded; it would kill the process."""
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    monkeypatch.delenv("MSGDROP_KERNEL", raising=False)
+    assert kernel_module.kernel.__wrapped__() is not None
+    [library] = (tmp_path / "msgdrop").glob("*.so")
+    whole = library.read_bytes()
+    library.unlink()  # another file: the one above is in use by this process
+    library.write_bytes(whole[:2000])
+    assert kernel_module.kernel.__wrapped__() is not None
+    assert library.read_bytes() == whole
+
+
+def test_no_compiler_and_no_home_leave_the_torch_path(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Nothing to compile with, or nowhere to keep it, is no error."""
+    with monkeypatch.context() as patch:
+        patch.setenv("PATH", "")
+        assert kernel_module.kernel.__wrapped__() is None
+    with monkeypatch.context() as patch:
+        patch.setenv("XDG_CACHE_HOME", "/proc/nowhere")
+        assert kernel_module.kernel.__wrapped__() is None

@@ -48,7 +48,10 @@ def evaluate(
     env = registry.make(spec.environment_config, device)
     learner = learner_class(spec.algorithm)([spec.algorithm_config], env, device)
     file = run_path / POLICY
-    copy_into(learner.policy(0), read_tensors(file), file)
+    weights = read_tensors(file)
+    copy_into(learner.policy(0), weights, file)
+    if not all(bool(tensor.isfinite().all()) for tensor in weights.values()):
+        raise RecordError(f"{file}: is damaged: it holds weights that are not finite")
     streams = Streams([spec.seed], device)
     numbers = streams.uniforms("links", episodes, link_count(env.agents) + 1)
     keep = break_links(numbers, broken_links, env.agents) if broken_links > 0 else None

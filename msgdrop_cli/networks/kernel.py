@@ -39,7 +39,7 @@ def kernel() -> ctypes.CDLL | None:
         return None
     try:
         library = ctypes.CDLL(str(_built(compiler)))
-    except (OSError, subprocess.SubprocessError):
+    except (OSError, RuntimeError, subprocess.SubprocessError):  # RuntimeError: there is no home
         return None
     for function, pointers in (("first_layer", 5), ("first_layer_backward", 4)):
         getattr(library, function).argtypes = (
@@ -60,14 +60,29 @@ def _built(compiler: str) -> Path:
     recipe = b"\0".join((_SOURCE.read_bytes(), " ".join(_FLAGS).encode(), version, _processor()))
     folder = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "msgdrop"
     library = folder / f"sparse-{hashlib.sha256(recipe).hexdigest()[:16]}.so"
-    if not library.exists():
+    if not _is_whole(library):
         folder.mkdir(mode=0o700, parents=True, exist_ok=True)
         with tempfile.TemporaryDirectory(dir=folder) as scratch:
             output = Path(scratch) / library.name
             command = [compiler, *_FLAGS, str(_SOURCE), "-o", str(output)]
             subprocess.run(command, capture_output=True, check=True, timeout=120)
+            seal = Path(scratch) / "seal"
+            seal.write_text(_digest(output))
             output.replace(library)
+            seal.replace(library.with_suffix(".sha256"))
     return library
+
+
+def _is_whole(library: Path) -> bool:
+    """Whether the file is what was compiled: loading a torn one would kill the process."""
+    try:
+        return library.with_suffix(".sha256").read_text() == _digest(library)
+    except (OSError, ValueError):
+        return False
+
+
+def _digest(file: Path) -> str:
+    return hashlib.sha256(file.read_bytes()).hexdigest()
 
 
 def _processor() -> bytes:
