@@ -14,6 +14,14 @@ SETTINGS = sorted(registry.settings())
 GAMES, STEPS = 5, 40
 
 
+def random_actions(env: Environment, batch: tuple[int, ...], generator: torch.Generator) -> Tensor:
+    """Any actions: numbers of choices, or numbers in [-1, 1)."""
+    if env.action_size:
+        shape = (*batch, env.agents, env.action_size)
+        return torch.rand(shape, generator=generator) * 2 - 1
+    return torch.randint(env.actions, (*batch, env.agents), generator=generator)
+
+
 class Player:
     """Plays games of one environment with random actions, all from one seed."""
 
@@ -30,7 +38,7 @@ class Player:
     def step(self) -> Transition:
         """One step of all games."""
         env = self.env
-        actions = torch.randint(env.actions, (*self.batch, env.agents), generator=self.generator)
+        actions = random_actions(env, self.batch, self.generator)
         self.games, transition = autoreset.step(
             env,
             self.games,
@@ -72,7 +80,8 @@ def test_config_is_frozen_and_builds_its_environment(name: str) -> None:
         config.time_limit = 1
     for env in (registry.make(name), registry.make(config)):
         assert env.time_limit == config.time_limit
-        assert min(env.agents, env.actions, env.observation_size, env.reset_uniforms) >= 1
+        assert min(env.agents, env.observation_size, env.reset_uniforms) >= 1
+        assert sorted([env.actions > 0, env.action_size > 0]) == [False, True]
         assert env.step_uniforms >= 0
 
 
@@ -150,7 +159,7 @@ def test_observation_is_a_function_of_the_state(name: str) -> None:
     env = registry.make(name)
     player = Player(env)
     for _ in range(STEPS):
-        actions = torch.randint(env.actions, (GAMES, env.agents), generator=player.generator)
+        actions = random_actions(env, (GAMES,), player.generator)
         state, transition = env.step(
             player.games.state, actions, player.uniforms(env.step_uniforms)
         )
@@ -172,8 +181,8 @@ def test_any_uniform_number_can_be_used(name: str, extreme: float, ordinary: flo
     for _ in range(STEPS):
         one, other = env.observe(state).float()
         torch.testing.assert_close(one, other, rtol=0.0, atol=0.1)
-        actions = torch.randint(env.actions, (env.agents,), generator=generator)
-        state, transition = env.step(state, actions.expand(2, -1), numbers)
+        actions = random_actions(env, (1,), generator)
+        state, transition = env.step(state, torch.cat((actions, actions)), numbers)
         assert transition.reward.isfinite().all()
         torch.testing.assert_close(*transition.reward, rtol=0.0, atol=0.1)
 
@@ -223,7 +232,7 @@ def test_games_of_a_batch_do_not_touch_each_other(name: str) -> None:
     start = torch.rand(GAMES, env.reset_uniforms, generator=generator)
     batch, alone = env.reset(start), env.reset(start[2])
     for _ in range(STEPS):
-        actions = torch.randint(env.actions, (GAMES, env.agents), generator=generator)
+        actions = random_actions(env, (GAMES,), generator)
         numbers = torch.rand(GAMES, env.step_uniforms, generator=generator)
         batch, together = env.step(batch, actions, numbers)
         alone, single = env.step(alone, actions[2], numbers[2])
@@ -237,7 +246,7 @@ def test_step_changes_nothing_in_place(name: str) -> None:
     env = registry.make(name)
     player = Player(env)
     player.step()
-    state, actions = player.games.state, torch.ones(GAMES, env.agents, dtype=torch.int64)
+    state, actions = player.games.state, random_actions(env, (GAMES,), player.generator)
     numbers = player.uniforms(env.step_uniforms)
     given = [*tensors(state), actions, numbers]
     before = [tensor.clone() for tensor in given]
