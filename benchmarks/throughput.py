@@ -110,7 +110,11 @@ def environment_alone(environment: str, games: int, seconds: float) -> float:
     state = autoreset.start(
         env, torch.rand(1, games, env.reset_uniforms), torch.zeros(1, games, dtype=torch.long)
     )
-    actions = torch.randint(env.actions, (1, games, env.agents))
+    shape = (1, games, env.agents)
+    if env.action_size:
+        actions = torch.rand(*shape, env.action_size) * 2 - 1
+    else:
+        actions = torch.randint(env.actions, shape)
     uniforms = torch.rand(1, games, env.step_uniforms)
     fresh = torch.rand(1, games, env.reset_uniforms)
     steps, start = 0, time.perf_counter()

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from gymnasium.spaces import Box, Discrete
 from pettingzoo.test import parallel_api_test, parallel_seed_test
 
 from msgdrop_envs import parallel, registry
@@ -19,6 +20,21 @@ RING = [[4, 5], [5, 6], [5, 4], [6, 5], [0, 0], [14, 14]]
 """Six pursuers: four of them around (5, 5)."""
 
 
+def some(space: Box | Discrete, rng: np.random.Generator) -> Any:
+    """An action drawn from the space."""
+    if isinstance(space, Box):
+        return rng.uniform(space.low, space.high).astype(np.float32)
+    return int(rng.integers(space.n))
+
+
+def nothing(game: ParallelGame) -> dict[str, Any]:
+    """The action 0 of everybody."""
+    spaces = {agent: game.action_space(agent) for agent in game.agents}
+    return {
+        a: np.zeros(s.shape, np.float32) if isinstance(s, Box) else 0 for a, s in spaces.items()
+    }
+
+
 def play(game: ParallelGame, steps: int, seed: int) -> list[Any]:
     """Rewards and positions of a game with random actions; begins anew when it ends."""
     rng = np.random.default_rng(seed)
@@ -26,7 +42,7 @@ def play(game: ParallelGame, steps: int, seed: int) -> list[Any]:
     for _ in range(steps):
         if not game.agents:
             game.reset()
-        actions = {agent: int(rng.integers(game.action_space(agent).n)) for agent in game.agents}
+        actions = {agent: some(game.action_space(agent), rng) for agent in game.agents}
         _, rewards, *_ = game.step(actions)
         seen.append((rewards, game.state_dict()))
     return seen
@@ -122,14 +138,14 @@ def test_time_limit_truncates(name: str) -> None:
     for seed in range(20):
         game.reset(seed=seed)
         for step in range(1, limit + 1):
-            _, _, terminations, truncations, _ = game.step(dict.fromkeys(game.agents, 0))
+            _, _, terminations, truncations, _ = game.step(nothing(game))
             if any(terminations.values()):
                 break  # this game ended by itself: the next seed
             assert list(truncations.values()) == [step == limit] * len(truncations)
         else:
             assert game.agents == []
             game.reset()
-            *_, truncations, _ = game.step(dict.fromkeys(game.agents, 0))
+            *_, truncations, _ = game.step(nothing(game))
             assert not any(truncations.values()), "the next game counts its own steps"
             return
     pytest.fail("no game lasted until its time limit")
@@ -188,6 +204,19 @@ def test_wrong_action_is_refused(change: dict[str, Any], message: str) -> None:
     game.reset(seed=1)
     with pytest.raises(ValueError, match=message):
         game.step(dict.fromkeys(game.agents, STAY) | change)
+
+
+@pytest.mark.parametrize(
+    "action", [[0.5], [0.5, 0.5, 0.5], 0.5, [0.0, 1.01], [float("nan"), 0.0], "north", None]
+)
+def test_wrong_numbers_as_action_are_refused(action: Any) -> None:
+    """An action that is not two numbers in [-1, 1] is a ValueError that names the agent."""
+    game = parallel_env("waterworld-n8")
+    game.reset(seed=1)
+    before = game.state_dict()
+    with pytest.raises(ValueError, match=r"pursuer_5: .* is not 2 numbers"):
+        game.step(nothing(game) | {"pursuer_5": action})
+    assert game.state_dict() == before
 
 
 def test_unknown_names_are_refused() -> None:

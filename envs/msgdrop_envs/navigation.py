@@ -111,6 +111,7 @@ class Navigation:
 
     observation_dtype = torch.float32
     actions = len(PUSHES)
+    action_size = 0
     step_uniforms = 0
     counts: tuple[str, ...] = ("collisions", "covered")
     final_counts: tuple[str, ...] = ("covered",)

@@ -95,8 +95,10 @@ class ParallelGame(ParallelEnv):  # type: ignore[misc]  # it ships no types
         self.observation_spaces = {
             agent: Box(low, high, shape, dtype.type) for agent in self.possible_agents
         }
-        self.action_spaces = {
-            agent: Discrete(environment.actions) for agent in self.possible_agents
+        size = environment.action_size
+        self.action_spaces: dict[str, Box | Discrete] = {
+            agent: Box(-1.0, 1.0, (size,), np.float32) if size else Discrete(environment.actions)
+            for agent in self.possible_agents
         }
         self._rng = np.random.default_rng()
         self._state: Any = None
@@ -106,7 +108,7 @@ class ParallelGame(ParallelEnv):  # type: ignore[misc]  # it ships no types
         """What this agent may see: a flat vector, as the networks get it."""
         return self.observation_spaces[agent]
 
-    def action_space(self, agent: str) -> Discrete:
+    def action_space(self, agent: str) -> Box | Discrete:
         """What this agent may do."""
         return self.action_spaces[agent]
 
@@ -193,13 +195,24 @@ class ParallelGame(ParallelEnv):  # type: ignore[misc]  # it ships no types
     def _actions(self, actions: Mapping[str, Any]) -> Tensor:
         if set(actions) != set(self.agents):
             raise ValueError(f"actions are needed for exactly {self.agents}, not {list(actions)}")
-        numbers = []
-        for agent in self.agents:
-            try:
-                number = index(actions[agent])
-            except TypeError:
-                raise ValueError(f"{agent}: {actions[agent]!r} is not an action number") from None
-            if not 0 <= number < self._env.actions:
-                raise ValueError(f"{agent}: action {number} is not in 0..{self._env.actions - 1}")
-            numbers.append(number)
-        return torch.tensor(numbers)
+        read = self._numbers if self._env.action_size else self._choice
+        return torch.stack([read(agent, actions[agent]) for agent in self.agents])
+
+    def _choice(self, agent: str, action: Any) -> Tensor:
+        try:
+            number = index(action)
+        except TypeError:
+            raise ValueError(f"{agent}: {action!r} is not an action number") from None
+        if not 0 <= number < self._env.actions:
+            raise ValueError(f"{agent}: action {number} is not in 0..{self._env.actions - 1}")
+        return torch.tensor(number)
+
+    def _numbers(self, agent: str, action: Any) -> Tensor:
+        size = self._env.action_size
+        try:
+            numbers = np.asarray(action, np.float32)
+        except (TypeError, ValueError):
+            raise ValueError(f"{agent}: {action!r} is not {size} numbers") from None
+        if numbers.shape != (size,) or not (abs(numbers) <= 1).all():
+            raise ValueError(f"{agent}: action {action!r} is not {size} numbers in [-1, 1]")
+        return torch.from_numpy(numbers.copy())

@@ -51,6 +51,9 @@ class Environment(Protocol):
     observation_size: int
     observation_dtype: torch.dtype
     actions: int
+    """What an agent can choose from; 0 where an action is `action_size` numbers."""
+    action_size: int
+    """Numbers in [-1, 1] that make an action; 0 where it is one of `actions`."""
     time_limit: int
     reset_uniforms: int
     """How many uniform numbers in [0, 1) one reset takes."""
@@ -67,7 +70,10 @@ class Environment(Protocol):
         """Start games; uniforms [..., reset_uniforms]; returns a State."""
 
     def step(self, state: Any, actions: Tensor, uniforms: Tensor) -> tuple[Any, Transition]:
-        """Play one step; actions [..., N] int64, uniforms [..., step_uniforms]."""
+        """Play one step; uniforms [..., step_uniforms].
+
+        actions: [..., N] int64, or [..., N, action_size] float32.
+        """
 
     def observe(self, state: Any) -> Tensor:
         """What each agent sees, [..., N, O]."""

@@ -92,6 +92,7 @@ class Pursuit:
 
     observation_dtype = torch.uint8
     actions = len(MOVES)
+    action_size = 0
     counts: tuple[str, ...] = ("catches", "edge_hits")
     final_counts: tuple[str, ...] = ()
     metrics: Mapping[str, Metric] = {

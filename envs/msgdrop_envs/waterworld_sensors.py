@@ -1,0 +1,117 @@
+"""What the pursuers of waterworld see: the nearest ally, food and poison on each of their sensors.
+
+A sensor is a ray from the pursuer's centre. It meets an object whose centre is at most a radius to
+its side, and between 0 and `sensor_range` along it. Of each class it reads the one that is nearest
+along it: the distance along it, and the velocity along it relative to the pursuer's own. Where it
+meets nothing it reads 0 and 0.
+
+Of the pairs of pursuer and object few are near each other, and of the sensors of a near pair few
+meet: each is sought among the former, with no loop and no [pursuers, objects, sensors] tensor.
+"""
+
+import math
+from typing import TYPE_CHECKING
+
+import torch
+from torch import Tensor
+
+if TYPE_CHECKING:
+    from msgdrop_envs.waterworld import Config
+
+CLASSES = 3
+"""Allies, food, poison."""
+UNMET = torch.iinfo(torch.int64).max
+
+
+class Sensors:
+    """The sensors of all pursuers of any number of games; holds tables only."""
+
+    def __init__(self, config: "Config", device: torch.device) -> None:
+        self.config = config
+        rays, agents = config.sensors, config.pursuers
+        self.size = 2 + 2 * CLASSES * rays + rays * config.senses_obstacle + 2 * config.senses_touch
+        angles = torch.arange(rays, dtype=torch.float64) * (2 * math.pi / rays)
+        # Rounded, so that a quarter turn has the cosine 0 and not 6e-17.
+        self._cos = angles.cos().round(decimals=12).float().to(device)
+        self._sin = angles.sin().round(decimals=12).float().to(device)
+        numbers = (agents, config.food, config.poison)
+        kinds = [kind for kind, number in enumerate(numbers) for _ in range(number)]
+        self._kinds = torch.tensor(kinds, device=device)
+        widths = config.radii if config.sensor_width == "object" else (config.radius,) * CLASSES
+        self._widths = torch.tensor(widths, device=device)[self._kinds]
+        # A little more than is needed: what each sensor meets is decided exactly later on.
+        near = (config.sensor_range**2 + self._widths**2) * 1.001
+        self._near = near.repeat(agents, 1)  # [N, N+M+L]
+        self._near[:, :agents].fill_diagonal_(-1.0)  # nobody senses itself
+        self._near = self._near[..., None]
+
+    def read(self, positions: Tensor, velocities: Tensor, touch: Tensor) -> Tensor:
+        """What all pursuers see, [B, N, O] float32.
+
+        positions, velocities: [2, N+M+L, B]; touch: [N, M+L, B] bool, who touches what.
+        Position (x, y); then for allies, food and poison in turn all distances and all velocities.
+        """
+        config, games = self.config, positions.shape[-1]
+        obs = positions.new_zeros(games, config.pursuers, self.size)
+        own = positions[:, : config.pursuers].permute(2, 1, 0)  # [B, N, 2]
+        obs[..., :2] = own * 2 - 1 if config.sensors_scaled else own
+        self._sense(obs, positions, velocities)
+        if config.senses_obstacle:
+            start = 2 + 2 * CLASSES * config.sensors
+            obs[..., start : start + config.sensors] = self._obstacle(own)
+        if config.senses_touch:
+            foods, poisons = touch.split([config.food, config.poison], 1)
+            obs[..., -2:] = torch.stack((foods.any(1), poisons.any(1)), -1).transpose(0, 1).float()
+        return obs
+
+    def _sense(self, obs: Tensor, positions: Tensor, velocities: Tensor) -> None:
+        """Write distances and velocities of what is met into `obs`, whose place for them is 0."""
+        config, (_, entities, games) = self.config, positions.shape
+        away = positions[:, None] - positions[:, : config.pursuers, None]  # [2, N, N+M+L, B]
+        near = away[0] * away[0] + away[1] * away[1] <= self._near
+        pair = near.view(-1).nonzero()[:, 0]  # [P]
+        x, y = away.view(2, -1)[:, pair]
+        agent = pair.div(entities * games, rounding_mode="floor")
+        seen = pair - agent * (entities * games)  # place of the object in [N+M+L, B]
+        entity = seen.div(games, rounding_mode="floor")
+        game = seen - entity * games
+        distance = x[:, None] * self._cos + y[:, None] * self._sin  # [P, S]
+        aside = x[:, None] * self._sin - y[:, None] * self._cos
+        met = (distance >= 0) & (distance <= config.sensor_range)
+        met &= aside.abs() <= self._widths[entity][:, None]
+        hit = met.view(-1).nonzero()[:, 0]  # [H]
+        which = hit.div(config.sensors, rounding_mode="floor")
+        ray = hit - which * config.sensors
+        # The nearest on each sensor, of equally near ones the first: the least of (distance, hit)
+        # as one integer, for the bits of floats >= 0 are in the order of the floats.
+        distance = distance.view(-1)[hit] + 0.0  # no -0
+        block = (game * config.pursuers + agent) * CLASSES + self._kinds[entity]
+        slot = block[which] * config.sensors + ray
+        order = torch.arange(len(hit), device=hit.device)
+        key = (distance.view(torch.int32).long() << 32) | order
+        best = key.new_full((games * config.pursuers * CLASSES * config.sensors,), UNMET)
+        best.scatter_reduce_(0, slot, key, "amin")
+        nearest = (best[slot] == key).nonzero()[:, 0]
+        which, ray, distance = which[nearest], ray[nearest], distance[nearest]
+        one, other = velocities.view(2, -1)[:, (agent * games + game)[which]], seen[which]
+        u, v = velocities.view(2, -1)[:, other] - one
+        speed = u * self._cos[ray] + v * self._sin[ray]
+        kind = self._kinds[entity][which]
+        row = (game * config.pursuers + agent)[which] * self.size
+        column = row + 2 + kind * (2 * config.sensors) + ray
+        if config.sensors_scaled:
+            distance, speed = distance / config.sensor_range, speed / config.velocity_unit
+        flat = obs.view(-1)
+        flat[column] = distance
+        flat[column + config.sensors] = speed
+
+    def _obstacle(self, own: Tensor) -> Tensor:
+        """Distance along each sensor to the obstacle's rim; own: [B, N, 2]; returns [B, N, S]."""
+        x, y = (0.5 - own)[..., None].unbind(-2)  # [B, N, 1]
+        along = x * self._cos + y * self._sin
+        aside = x * self._sin - y * self._cos
+        half = (self.config.obstacle_radius**2 - aside * aside).clamp(min=0)
+        distance = along - half.sqrt()
+        met = (half > 0) & (distance >= 0) & (distance <= self.config.sensor_range)
+        distance = torch.where(met, distance, 0.0)
+        return distance / self.config.sensor_range if self.config.sensors_scaled else distance
