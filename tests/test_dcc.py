@@ -7,6 +7,7 @@ import pytest
 import torch
 
 from msgdrop_cli.algorithms.dcc import DCC, NAMED, PAPER, Config
+from msgdrop_cli.errors import DefinitionError
 from msgdrop_envs import registry
 from tests.dcc_samples import (
     AGENTS,
@@ -184,3 +185,9 @@ def test_a_cohort_shares_everything_but_the_rate() -> None:
     configs = [Config(rate=0.1), Config(rate=0.5, gamma=0.9)]
     with pytest.raises(ValueError, match="differ in rate only"):
         DCC(configs, registry.make("pursuit-n6"))
+
+
+def test_continuous_actions_are_refused() -> None:
+    """A Q-learner cannot play waterworld; the line says why."""
+    with pytest.raises(DefinitionError, match="picks one of several actions"):
+        DCC([Config()], registry.make("waterworld-n8"))

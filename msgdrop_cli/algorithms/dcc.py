@@ -21,6 +21,7 @@ from torch import Tensor
 
 from msgdrop_cli.algorithms.adam import Adam
 from msgdrop_cli.algorithms.protocol import Batch
+from msgdrop_cli.errors import DefinitionError
 from msgdrop_cli.networks.fgh import FGH
 from msgdrop_cli.networks.inputs import masked_input
 from msgdrop_cli.networks.perceptron import Perceptron
@@ -125,6 +126,8 @@ class DCC:
         self.config = config = configs[0]
         if any(replace(each, rate=config.rate) != config for each in configs):
             raise ValueError("the runs of a cohort may differ in rate only")
+        if env.actions == 0:
+            raise DefinitionError("dcc picks one of several actions; this environment has none")
         self._runs, self._agents = len(configs), env.agents
         networks = self._runs * self._agents
         self.network = _network(config, env)
@@ -220,19 +223,14 @@ class DCC:
 
     def metrics(self, env_steps: int) -> list[dict[str, float | None]]:
         """Each run's epsilon now, and the means of loss and Q since the last call (None: none)."""
+        epsilon, learnt = self.epsilon(env_steps), self._summed > 0
         means = (self._sums / max(self._summed, 1)).T.tolist()
-        epsilon = self.epsilon(env_steps)
-        rows: list[dict[str, float | None]] = [
-            {
-                "epsilon": epsilon,
-                "loss": loss if self._summed else None,
-                "q": q if self._summed else None,
-            }
-            for loss, q in means
-        ]
         self._sums.zero_()
         self._summed = 0
-        return rows
+        return [
+            {"epsilon": epsilon, "loss": loss if learnt else None, "q": q if learnt else None}
+            for loss, q in means
+        ]
 
     def tensors(self, run: int) -> dict[str, Tensor]:
         """Online and target weights and Adam's moments of one run, as views."""
