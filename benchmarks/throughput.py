@@ -22,6 +22,7 @@ import torch
 from benchmarks import plain
 from msgdrop_cli.definition.spec import RunSpec, TrainingSpec
 from msgdrop_cli.engine.catalogue import catalogue
+from msgdrop_cli.engine.evaluation import evaluate
 from msgdrop_cli.engine.training import Training
 from msgdrop_cli.networks.kernel import kernel_name
 from msgdrop_envs import autoreset, registry
@@ -29,6 +30,7 @@ from msgdrop_envs import autoreset, registry
 P = ParamSpec("P")
 T = TypeVar("T")
 PARTS = ("act", "step", "sample", "update")
+PUBLISHED = Path(__file__).parents[1] / "results" / "published"
 WARM_ENV_STEPS = 10_000
 """As many random transitions as `plain.py` has before its clock starts."""
 
@@ -124,6 +126,16 @@ def environment_alone(environment: str, games: int, seconds: float) -> float:
     return steps / (time.perf_counter() - start)
 
 
+def evaluation() -> list[tuple[str, float]]:
+    """Seconds that 1,000 greedy episodes of each published policy take."""
+    timed = []
+    for policy in sorted(PUBLISHED.rglob("policy.safetensors")):
+        start = time.perf_counter()
+        evaluate(policy.parent, broken_links=0.0, episodes=1_000)
+        timed.append((policy.parent.name, time.perf_counter() - start))
+    return timed
+
+
 def memory(environment: str) -> dict[str, float]:
     """MB that one run takes with its replay full, above the imported libraries (a new process)."""
     command = [sys.executable, "-m", "benchmarks.throughput", "--memory-of", environment]
@@ -180,6 +192,8 @@ def main() -> None:
             for games in (1, 32, 1024)
         )
         print(f"{'':11}game alone, joint steps/s: {speeds}")
+    for name, seconds in evaluation():
+        print(f"1,000 greedy episodes of {name}: {seconds:.1f} s")
     used = memory("pursuit-n6")
     print(
         f"memory of one pursuit-n6 run, replay {used['replay_capacity']:,.0f} full:"
