@@ -3,24 +3,32 @@
 import os
 import sys
 from collections.abc import Sequence
+from contextlib import suppress
 
 from msgdrop_cli import __version__
 
 _SLOW = ("train", "eval", "ablate", "unstable-test", "plot", "publish")
 """Commands that load torch or matplotlib before they can say anything else."""
 _WIDTH = 120
+_INTERRUPTED = 130
 
 
 def main() -> None:
     """Run the command line and exit with its code."""
+    _mend_streams()
     arguments = sys.argv[1:]
-    if words := greeting(arguments):
-        print(words, file=sys.stderr, flush=True)
-    # When we are killed, joblib's tracker cleans up after us; it need not tell the terminal.
-    os.environ.setdefault("PYTHONWARNINGS", "ignore:resource_tracker")
-    from msgdrop_cli.app import run  # not above: the greeting shall not wait for it
+    try:
+        if words := greeting(arguments):
+            with suppress(OSError):
+                print(words, file=sys.stderr, flush=True)
+        # When we are killed, joblib's tracker cleans up after us; it need not tell the terminal.
+        os.environ.setdefault("PYTHONWARNINGS", "ignore:resource_tracker")
+        from msgdrop_cli.app import run  # not above: the greeting shall not wait for it
 
-    sys.exit(run(arguments))
+        code = run(arguments)
+    except KeyboardInterrupt:  # while the program was loaded
+        code = _INTERRUPTED
+    sys.exit(code)
 
 
 def greeting(arguments: Sequence[str]) -> str | None:
@@ -32,6 +40,17 @@ def greeting(arguments: Sequence[str]) -> str | None:
     words = "".join(c if c.isprintable() else " " for c in " ".join(arguments))
     line = f"msgdrop {__version__}: {words}"
     return line if len(line) <= _WIDTH else f"{line[: _WIDTH - 1]}…"
+
+
+def _mend_streams() -> None:
+    """Put /dev/null where a stream was closed (`>&-`); what an encoding lacks becomes `?`."""
+    for number, name in enumerate(("stdin", "stdout", "stderr")):
+        if getattr(sys, name) is None:
+            handle = os.open(os.devnull, os.O_RDWR)  # the lowest free number: the stream's own
+            os.set_inheritable(handle, True)
+            setattr(sys, name, os.fdopen(handle, "r" if number == 0 else "w"))
+        elif number and hasattr(getattr(sys, name), "reconfigure"):
+            getattr(sys, name).reconfigure(errors="replace")
 
 
 if __name__ == "__main__":

@@ -10,6 +10,7 @@ import shlex
 import sys
 import traceback
 from collections.abc import Sequence
+from contextlib import suppress
 from typing import Annotated
 
 import typer
@@ -62,14 +63,24 @@ def run(arguments: Sequence[str]) -> int:
         console.note("stopped")
         return _INTERRUPTED
     except BrokenPipeError:
-        # The reader of our output has gone (`| head`); nobody is left to be told.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return _BROKEN_PIPE
+        return _broken_pipe()
+    except SystemExit as ended:
+        if isinstance(ended.__context__, BrokenPipeError):  # click has made an exit with 1 of it
+            return _broken_pipe()
+        raise
     except MsgdropError as error:
         return _failed(str(error), error.exit_code)
     except Exception as error:
         return _unexpected(error)
     return code if isinstance(code, int) else 0
+
+
+def _broken_pipe() -> int:
+    """The reader of our output has gone (`| head`): nobody is left to be told."""
+    for stream in (sys.stdout, sys.stderr):
+        with suppress(OSError):
+            os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
+    return _BROKEN_PIPE
 
 
 def _unexpected(error: Exception) -> int:

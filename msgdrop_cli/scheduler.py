@@ -13,7 +13,7 @@ import sys
 import tempfile
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from types import FrameType
 
@@ -153,6 +153,8 @@ def run_tasks(
 
 def work(task: Task, control: Control) -> list[Outcome]:
     """Train and evaluate; every error becomes the outcome of the runs that it hit."""
+    if control.stopping():  # before anything heavy is loaded
+        return [_interrupted(run_id) for run_id in task.run_ids]
     outcomes = [
         Outcome(run_id=record.run_id, path=record.path, status="done", env_steps=record.env_steps)
         for record in task.trained
@@ -237,27 +239,20 @@ def _begin_worker(parent: int) -> None:
 def _train(task: Task, control: Control) -> list[Outcome]:
     from msgdrop_cli.engine.run import train_cohort
 
+    if control.stopping():  # while torch was loaded
+        return [_interrupted(run.run_id) for run in task.train]
     made = train_cohort(task.train, task.root, device=task.device, stop=control.stopping)
-    return [
-        Outcome(
-            run_id=each.run_id,
-            path=each.path,
-            status=each.status,
-            reason=each.reason,
-            env_steps=each.env_steps,
-            wall_time_s=each.wall_time_s,
-            exit_code=3 if each.status in ("failed", "diverged") else 0,
-        )
-        for each in made
-    ]
+    return [Outcome(**asdict(each)) for each in made]
 
 
 def _evaluated(task: Task, outcome: Outcome, control: Control) -> Outcome:
     """The outcome after the evaluations of a run that is trained; any other stays as it is."""
-    from msgdrop_cli.engine.evaluation import evaluate_run
-
     if outcome.status != "done" or outcome.path is None:
         return outcome
+    if control.stopping():
+        return replace(outcome, status="interrupted")
+    from msgdrop_cli.engine.evaluation import evaluate_run
+
     for fraction in task.broken_links:
         control.mark(outcome.run_id, "evaluating")
         try:
@@ -269,8 +264,11 @@ def _evaluated(task: Task, outcome: Outcome, control: Control) -> Outcome:
                 stop=control.stopping,
             )
         except Exception as error:
-            failure = _failure(outcome.run_id, error)
-            return replace(failure, path=outcome.path, reason=f"evaluation: {failure.reason}")
+            what, code = f"{outcome.path}: {type(error).__name__}: {error}", 3
+            if isinstance(error, RecordError):  # it names its file
+                what, code = str(error), error.exit_code
+            reason = f"evaluation: {what}"
+            return replace(outcome, status="failed", reason=reason, exit_code=code)
         if control.stopping():
             return replace(outcome, status="interrupted")
     return outcome

@@ -1,12 +1,16 @@
 """What the command line refuses: one line, the right exit code, nothing written."""
 
+import json
 import shutil
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from msgdrop_cli.commands import words
+from msgdrop_cli.engine import evaluation
+from msgdrop_cli.errors import RecordError
 from tests.cli_runs import Store, copied_store, filled_store, msgdrop
 
 BAD_INPUT = [
@@ -95,6 +99,13 @@ def test_results_that_cannot_be_created_are_refused(store: Store, tmp_path: Path
     assert "cannot be created" in said.err.splitlines()[-1]
 
 
+def test_a_name_that_is_too_long_is_refused(store: Store, tmp_path: Path) -> None:
+    """A results folder of 300 letters cannot be created: 73, in one line."""
+    said = store._replace(results=tmp_path / ("x" * 300)).ablate()
+    assert said.code == 73
+    assert said.err.splitlines()[-1].endswith("cannot be created: File name too long")
+
+
 def test_a_full_disk_is_refused(
     store: Store, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -116,3 +127,97 @@ def test_our_own_mistakes_are_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
         "msgdrop: error: ZeroDivisionError: division by zero "
         "(this is a bug in msgdrop; MSGDROP_TRACEBACK=1 shows it)\n"
     )
+
+
+def test_a_damaged_policy_costs_only_its_run(copy: Store) -> None:
+    """`eval` names the bad run in one line, shows the others' table, and exits with 2."""
+    policy = sorted(copy.results.rglob("policy.safetensors"))[0]
+    policy.write_bytes(policy.read_bytes()[:1000])
+    said = msgdrop("eval", copy.results, "--episodes", "9", "--workers", "1")
+    assert said.code == 2
+    assert [str(policy) in line for line in said.err.splitlines()].count(True) == 1
+    shown = json.loads(msgdrop("eval", copy.results, "--episodes", "9", "--json").out)["results"]
+    assert {row["variant"]: row["done"] for row in shown} == {"dcc": 1, "md-0.2": 2}
+
+
+def test_episodes_that_cannot_be_written_are_74(
+    copy: Store, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A full disk during an evaluation is a full disk to the caller, too."""
+
+    def full(path: Path, rows: object) -> None:
+        raise RecordError(f"{path}: cannot be written: No space left on device", 74)
+
+    monkeypatch.setattr(evaluation, "write_jsonl_atomic", full)
+    said = msgdrop("eval", copy.results, "--episodes", "9", "--workers", "1")
+    assert said.code == 74
+    assert said.err.count("No space left on device") == 4
+
+
+def test_a_lost_policy_says_what_to_do(copy: Store) -> None:
+    """A finished run without policy and episodes is named with the way out; the others count."""
+    policy = sorted(copy.results.rglob("policy.safetensors"))[0]
+    policy.unlink()
+    (policy.parent / "episodes.jsonl").unlink()
+    said = copy.ablate()
+    assert said.code == 2
+    lines = [line for line in said.err.splitlines() if str(policy.parent) in line]
+    assert len(lines) == 1
+    assert lines[0].endswith("delete this folder and train the run again")
+    assert said.out.count("DCC") >= 2
+    document = json.loads(copy.ablate("--json").out)
+    assert {row["variant"]: row["done"] for row in document["results"]} == {"dcc": 1, "md-0.2": 2}
+
+
+def _set(key: str, value: Any) -> Callable[[Path], object]:
+    """Puts a value at `a.b` of a run's record."""
+
+    def change(path: Path) -> None:
+        record = table = json.loads((path / "run.json").read_text())
+        *way, last = key.split(".")
+        for step in way:
+            table = table[step]
+        table[last] = value
+        (path / "run.json").write_text(json.dumps(record))
+
+    return change
+
+
+def _without_spec(path: Path) -> None:
+    _set("spec", {})(path)
+    _set("wall_time_s", 5.0)(path)  # long enough to learn a speed from
+
+
+def _rows(name: str, text: str) -> Callable[[Path], object]:
+    return lambda path: (path / name).write_text(text)
+
+
+FOREIGN = [
+    (_set("spec.training", []), ["status"], 0),
+    (_set("spec.training", None), ["status"], 0),
+    (_without_spec, ["status", "ablate"], 0),
+    (_set("wall_time_s", 10**400), ["status", "plot", "eval", "ablate"], 2),
+    (_set("metrics", [1]), ["plot", "eval"], 2),
+    (_set("metrics", {"a": 1}), ["plot", "eval"], 2),
+    (_rows("episodes.jsonl", '{"broken_links": 0.0, "steps": 3}\n'), ["plot", "eval"], 2),
+    (_rows("episodes.jsonl", f'{{"broken_links": {10**400}}}\n'), ["plot", "eval"], 2),
+    (_rows("metrics.jsonl", f'{{"env_steps": 1, "catches_per_500": {10**400}}}\n'), ["plot"], 2),
+]
+
+
+@pytest.mark.parametrize(("damage", "commands", "code"), FOREIGN)
+def test_foreign_records_are_no_bugs_of_ours(
+    damage: Callable[[Path], object], commands: Sequence[str], code: int, copy: Store
+) -> None:
+    """Whatever stands in a record: its path in one line and the code of damage, or an answer."""
+    path = sorted(copy.results.rglob("run.json"))[0].parent
+    damage(path)
+    for command in commands:
+        seeds = ("--seeds", "3", "--dry-run")
+        said = copy.ablate(*seeds) if command == "ablate" else msgdrop(command, copy.results)
+        assert said.code == code, (command, said.err)
+        assert "bug in msgdrop" not in said.err
+        if code:
+            errors = [line for line in said.err.splitlines() if "error: " in line]
+            assert len(errors) == 1
+            assert str(path) in errors[0]

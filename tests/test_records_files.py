@@ -64,6 +64,13 @@ def test_rows_are_appended(tmp_path: Path) -> None:
     assert read_jsonl(tmp_path / "a.jsonl") == [{"x": 1}, {"x": 2}, {"x": 3}]
 
 
+def test_numbers_of_64_bits_are_read(tmp_path: Path) -> None:
+    """The largest number that a record may hold, and the same below zero."""
+    for number in (2**63 - 1, 1 - 2**63):
+        (tmp_path / "a").write_text(str(number))
+        assert read_json(tmp_path / "a") == number
+
+
 def test_a_write_that_the_disk_cuts_short_leaves_no_part(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -83,7 +90,13 @@ def test_a_torn_last_line_is_left_out(tmp_path: Path) -> None:
     assert read_jsonl(tmp_path / "a.jsonl") == [{"x": 1}]
 
 
-@pytest.mark.parametrize("line", ["{", "", "[1]", '{"x": NaN}', '{"x": 1e999}', "{}{}", "[" * 9999])
+@pytest.mark.parametrize(
+    "line",
+    [
+        *("{", "", "[1]", '{"x": NaN}', '{"x": 1e999}', "{}{}", "[" * 9999),
+        *('{"x": 9223372036854775808}', '{"x": -1' + "0" * 5000 + "}"),
+    ],
+)
 def test_any_other_damage_names_file_and_line(tmp_path: Path, line: str) -> None:
     """A bad line with lines after it is no accident of a crash."""
     path = tmp_path / "a.jsonl"

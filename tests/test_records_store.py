@@ -1,6 +1,7 @@
 """Run folders: found by what stands in them, refused in one line when it is damaged."""
 
 import json
+import os
 from pathlib import Path
 from typing import Any
 
@@ -193,3 +194,32 @@ def test_a_log_of_something_else_is_refused(tmp_path: Path) -> None:
     append_jsonl(record.path / "metrics.jsonl", {"env_steps": 5}, {"env_steps": None})
     with pytest.raises(RecordError, match=r"metrics\.jsonl: line 2: 'env_steps' is not a number"):
         record.metrics()
+
+
+def test_an_episode_needs_its_number(tmp_path: Path) -> None:
+    """Evaluations are sorted by it, so a row without one is refused where it is read."""
+    record = created(tmp_path)
+    append_jsonl(record.path / "episodes.jsonl", {"broken_links": 0.0, "steps": 3})
+    with pytest.raises(RecordError, match=r"episodes\.jsonl: line 1: 'episode' is not a number"):
+        record.episodes()
+
+
+def test_no_run_is_found_where_no_folder_can_be(tmp_path: Path) -> None:
+    """A name that is too long holds no runs; whoever creates it says why that fails."""
+    assert find_run(tmp_path / ("x" * 300), "12345678") is None
+
+
+def test_folders_that_are_too_deep_are_one_clear_line(tmp_path: Path) -> None:
+    """A thousand folders in each other are no store of ours."""
+    before, depth = Path.cwd(), 1_100
+    os.chdir(tmp_path)
+    try:
+        for _ in range(depth):  # step by step: the whole path is longer than a call may name
+            Path("d").mkdir()
+            os.chdir("d")
+        assert refusal(tmp_path).startswith(f"{tmp_path}: cannot be read")
+    finally:
+        for _ in range(depth):  # nor could pytest remove it
+            os.chdir("..")
+            Path("d").rmdir()
+        os.chdir(before)

@@ -7,6 +7,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -14,7 +15,10 @@ from msgdrop_cli import scheduler
 from msgdrop_cli.definition.load import load_definition
 from msgdrop_cli.definition.plan import plan
 from msgdrop_cli.definition.spec import PlannedRun
+from msgdrop_cli.engine import evaluation
+from msgdrop_cli.engine import run as run_module
 from msgdrop_cli.engine.catalogue import catalogue
+from msgdrop_cli.errors import RecordError
 from msgdrop_cli.records.files import read_json
 from msgdrop_cli.scheduler import Control, Outcome, Task, graceful_stop, run_tasks
 from tests.runs import digest
@@ -193,6 +197,54 @@ def test_nothing_begins_after_a_stop(tmp_path: Path) -> None:
             outcomes = run_tasks(tasks_for(tiny_runs(), tmp_path), control, workers=workers)
         assert [outcome.status for outcome in outcomes] == ["interrupted"] * 2
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_worker_asked_to_stop_loads_nothing(tmp_path: Path) -> None:
+    """A task that arrives after the request to stop is given back before torch is loaded."""
+    program = (
+        "import sys; from pathlib import Path\n"
+        f"sys.path[:0] = {sys.path!r}\n"
+        "from msgdrop_cli.scheduler import Control, Task, work\n"
+        "from msgdrop_cli.records.store import RunRecord\n"
+        "run = RunRecord(Path(), {'run_id': 'a', 'env_steps': 0})\n"
+        "task = Task(root=Path(), trained=(run,), broken_links=(0.0,), episodes=1, device='cpu')\n"
+        "Path(sys.argv[1], 'stop').touch()\n"
+        "print(work(task, Control(Path(sys.argv[1])))[0].status, 'torch' in sys.modules)\n"
+    )
+    command = [sys.executable, "-c", program, str(tmp_path)]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.stdout == "interrupted False\n", done.stderr
+
+
+def test_a_stop_after_training_leaves_the_evaluation(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Whoever is asked to stop when the training is done does not begin to evaluate."""
+    train = run_module.train_cohort
+
+    def stop_then(*arguments: Any, **options: Any) -> list[run_module.RunOutcome]:
+        outcomes = train(*arguments, **options)
+        (control.folder / "stop").touch()
+        return outcomes
+
+    monkeypatch.setattr(run_module, "train_cohort", stop_then)
+    monkeypatch.setattr(evaluation, "evaluate_run", lambda *_, **__: pytest.fail("evaluated"))
+    with graceful_stop() as control:
+        outcomes = run_tasks(tasks_for(tiny_runs(seeds=(1,)), tmp_path), control, workers=1)
+    assert [outcome.status for outcome in outcomes] == ["interrupted"]
+    assert words_of(tmp_path) == ["done"]
+
+
+def test_a_full_disk_in_training_is_74(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The code of a fault of the disk goes from the run to the command, not 3."""
+
+    def full(path: Path, *rows: object) -> None:
+        raise RecordError(f"{path}: cannot be written: No space left on device", 74)
+
+    monkeypatch.setattr(run_module, "append_jsonl", full)
+    with graceful_stop() as control:
+        outcomes = run_tasks(tasks_for(tiny_runs(seeds=(1,)), tmp_path), control, workers=1)
+    assert [(outcome.status, outcome.exit_code) for outcome in outcomes] == [("failed", 74)]
 
 
 def test_handlers_are_put_back() -> None:

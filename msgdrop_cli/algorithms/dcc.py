@@ -79,7 +79,8 @@ class Config:
         for name in ("rate", "gamma", "epsilon_start", "epsilon_final"):
             if not 0.0 <= getattr(self, name) <= 1.0:
                 raise ValueError(f"{name} must be between 0 and 1, not {getattr(self, name)}")
-        for name in ("learning_rate", "max_gradient_norm", "replay_start_env_steps"):
+        amounts = ("learning_rate", "max_gradient_norm", "epsilon_anneal_env_steps")
+        for name in (*amounts, "replay_start_env_steps"):
             if getattr(self, name) < 0:
                 raise ValueError(f"{name} must not be negative, not {getattr(self, name)}")
         counts = ("g_units", "h_units", "batch_size", "replay_capacity", "update_every_env_steps")

@@ -4,11 +4,12 @@ A metric is a ratio of sums over raw episodes (rows of `episodes.jsonl`), no mea
 that a long episode weighs what it lasts.
 """
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
-from msgdrop_cli.definition.strict import Where, build
+from msgdrop_cli.definition.strict import Where, build, shown
 from msgdrop_cli.errors import DefinitionError, RecordError
 from msgdrop_cli.records.store import RUN, RunRecord
 
@@ -46,11 +47,14 @@ class Metric:
     def value(self, episodes: Sequence[Mapping[str, Any]]) -> float:
         """The metric over these episodes.
 
-        Raises KeyError, TypeError or ZeroDivisionError on rows of another environment.
+        Raises KeyError, TypeError, ValueError or ZeroDivisionError on rows of another environment.
         """
         total = sum(row[self.count] for row in episodes)
         below = len(episodes) if self.per == "episodes" else sum(row[self.per] for row in episodes)
-        return self.scale * float(total) / float(below)
+        value = self.scale * float(total) / float(below)
+        if not math.isfinite(value):
+            raise ValueError(f"{self.name} is not finite")
+        return value
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,10 +95,14 @@ def metrics_of(record: RunRecord) -> Metrics:
         return UNKNOWN
     where = Where(str(record.path / RUN)).at("metrics")
     try:
-        return Metrics(
-            tuple(
-                build(Metric, {**row, "name": name}, where.at(name)) for name, row in table.items()
-            )
-        )
-    except (DefinitionError, AttributeError, TypeError) as error:
+        if not isinstance(table, dict):
+            raise where.error(f"expected a table, not {shown(table)}")
+        return Metrics(tuple(_metric(name, row, where.at(name)) for name, row in table.items()))
+    except DefinitionError as error:
         raise RecordError(str(error)) from error
+
+
+def _metric(name: str, row: Any, where: Where) -> Metric:
+    if not isinstance(row, dict):
+        raise where.error(f"expected a table, not {shown(row)}")
+    return build(Metric, {**row, "name": name}, where)

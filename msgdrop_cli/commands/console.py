@@ -43,7 +43,8 @@ def note(text: str) -> None:
 
 def error(message: str) -> None:
     """Show what went wrong, in one line."""
-    sys.stdout.flush()
+    with suppress(OSError):
+        sys.stdout.flush()
     _to_stderr(f"msgdrop: error: {message}")
 
 
@@ -75,7 +76,7 @@ def table(shown: "Table", *, numbers_from: int = 1) -> None:
     from rich.text import Text
 
     console = _console(sys.stdout)
-    widths = _widths(shown, console.width)
+    widths = _widths(shown.headers, shown.rows, console.width)
     grid = RichTable(
         box=box.SIMPLE_HEAD,
         padding=(0, _GAP - 1, 0, 0),
@@ -167,14 +168,21 @@ def _board(
     from rich.table import Table as RichTable
     from rich.text import Text
 
-    grid = RichTable(
-        box=None, pad_edge=False, padding=(0, 2, 0, 0), header_style="dim", caption_justify="left"
-    )
-    for number, header in enumerate(headers):
+    while len(total) > width and "; " in total:  # whole parts go, no number is cut
+        total = total.rpartition("; ")[0]
+    widths = _widths(headers, rows, width)
+    grid = RichTable(box=None, pad_edge=False, padding=(0, _GAP, 0, 0), header_style="dim")
+    for number, header in enumerate(headers[: len(widths)]):
         side: Any = "left" if number == 0 else "right"
-        grid.add_column(Text(header), justify=side, no_wrap=True, overflow="ellipsis")
+        grid.add_column(
+            Text(header),
+            justify=side,
+            width=widths[number],
+            no_wrap=number == 0,
+            overflow="ellipsis",
+        )
     for row in rows:
-        grid.add_row(*map(Text, row))
+        grid.add_row(*map(Text, row[: len(widths)]))
     outer = RichTable.grid()
     outer.add_column(no_wrap=True, overflow="ellipsis", max_width=width)
     if rows:
@@ -183,21 +191,20 @@ def _board(
     return outer
 
 
-def _widths(shown: "Table", room: int) -> list[int]:
+def _widths(headers: Sequence[str], rows: Sequence[Sequence[str]], room: int) -> list[int]:
     """The widths of as many columns as there is room for; headers are broken before numbers are.
 
     rich would take the room from any column, and cut numbers.
     """
-    cells = list(zip(*shown.rows, strict=True)) if shown.rows else [()] * len(shown.headers)
+    cells = list(zip(*rows, strict=True)) if rows else [()] * len(headers)
     least = [
-        max(map(len, (*cells[number], *header.split())))
-        for number, header in enumerate(shown.headers)
+        max(map(len, (*cells[number], *header.split()))) for number, header in enumerate(headers)
     ]
     while len(least) > 1 and sum(least) + _GAP * (len(least) - 1) > room:
         least.pop()
     spare = room - sum(least) - _GAP * (len(least) - 1)
     for number in range(len(least)):
-        more = min(spare, max(0, len(shown.headers[number]) - least[number]))
+        more = min(spare, max(0, len(headers[number]) - least[number]))
         least[number] += more
         spare -= more
     return least

@@ -1,29 +1,27 @@
-"""What a plan will cost: which runs are new, how long they take, how much disk they fill."""
+"""What a plan will cost: which runs are new, how long they take, what they fill."""
 
 import os
 import shutil
 import tempfile
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from statistics import median
 from typing import Any
 
+from msgdrop_cli.commands.shapes import run_sizes
 from msgdrop_cli.commands.words import size
 from msgdrop_cli.definition.cohorts import group
 from msgdrop_cli.definition.run_id import spec_to_dict
 from msgdrop_cli.definition.spec import PlannedRun
-from msgdrop_cli.errors import RecordError
+from msgdrop_cli.errors import DefinitionError, RecordError
 from msgdrop_cli.records.files import CANNOT_CREATE, CANNOT_WRITE
 from msgdrop_cli.records.store import RUNS, RunRecord, find_run
 
 _RULE_PARAMETERS = 6 * 88_053
 _RULE_STEPS_PER_S = 1_300.0
 """Measured for DCC on pursuit N=6 with that many parameters, one core (benchmarks/throughput)."""
-_CHECKPOINTS = 2
-_COPIES = 4
-"""Of the parameters in a checkpoint: online, target, and Adam's two moments."""
-_BYTES_A_LOG_ROW = 350
 _BYTES_AN_EPISODE = 130
 
 
@@ -68,6 +66,8 @@ class Estimate:
     """Where the speed comes from."""
     disk_bytes: int
     """At the busiest moment; most of it is given back."""
+    memory_bytes: int
+    """Of all workers together at the busiest moment, without the program itself."""
 
 
 def survey(runs: Sequence[PlannedRun], root: Path) -> Survey:
@@ -99,12 +99,14 @@ def estimate(
     workers: int,
     device: str,
     episodes: int,
+    evaluations: int,
 ) -> Estimate:
-    """Time and disk for the cohorts `tasks`; `finished` are runs whose speed may be known.
+    """Time, disk and memory for the cohorts `tasks`; `finished`: runs whose speed may be known.
 
-    Loads torch, to measure the learner's size.
+    episodes: of each of a run's `evaluations`. Loads torch, to measure the learner's size.
+    Raises DefinitionError for sizes that no machine can address.
     """
-    sizes = {run.run_id: _sizes(run) for run in looked_up.pending}
+    sizes = {run.run_id: run_sizes(run, episodes) for run in looked_up.pending}
     measured = 0
     busy = [0.0] * workers
     for task in tasks:
@@ -119,10 +121,25 @@ def estimate(
     source = "measured on finished runs here"
     if measured < sum(map(len, tasks)):
         source = f"rule of thumb: {_RULE_STEPS_PER_S:,.0f} env steps/s a core for DCC, pursuit N=6"
-    at_work = sorted((sum(sizes[r.run_id].working for r in task) for task in tasks), reverse=True)
-    kept = sum(sizes[run.run_id].kept + episodes * _BYTES_AN_EPISODE for run in looked_up.pending)
-    disk = kept + sum(at_work[:workers])
-    return Estimate(seconds=max(busy), source=source, disk_bytes=disk)
+    rows = episodes * evaluations * _BYTES_AN_EPISODE
+    kept = sum(sizes[run.run_id].kept + rows for run in looked_up.pending)
+    at_work = [sum(sizes[run.run_id].working for run in task) for task in tasks]
+    memory = [sum(sizes[run.run_id].memory for run in task) for task in tasks]
+    return Estimate(
+        seconds=max(busy),
+        source=source,
+        disk_bytes=kept + sum(sorted(at_work)[-workers:]),
+        memory_bytes=sum(sorted(memory)[-workers:]),
+    )
+
+
+def check_memory(needed_bytes: int, device: str) -> None:
+    """Refuse (DefinitionError) to begin what does not fit into the machine; a GPU is not asked."""
+    if device == "cpu" and needed_bytes > (free := _free_memory()):
+        raise DefinitionError(
+            f"training needs {size(needed_bytes)} ({needed_bytes:,} bytes) of memory, "
+            f"{size(free)} ({free:,} bytes) are free; take fewer --workers or smaller settings"
+        )
 
 
 def check_folder(root: Path, needed_bytes: int) -> None:
@@ -148,33 +165,13 @@ def check_folder(root: Path, needed_bytes: int) -> None:
         )
 
 
-@dataclass(frozen=True, slots=True)
-class _Sizes:
-    parameters: int
-    kept: int
-    """Bytes that stay."""
-    working: int
-    """Bytes of checkpoints and replay memory, gone when the run is done."""
-
-
-def _sizes(run: PlannedRun) -> _Sizes:
-    from msgdrop_cli.algorithms.registry import learner_class
-    from msgdrop_envs import registry
-
-    spec = run.spec
-    env = registry.make(spec.environment_config, "cpu")
-    learner = learner_class(spec.algorithm)([spec.algorithm_config], env, "cpu")
-    parameters = sum(tensor.numel() for tensor in learner.policy(0).values())
-    capacity = min(
-        getattr(spec.algorithm_config, "replay_capacity", 0), spec.training.train_env_steps
-    )
-    replay = capacity * env.agents * (env.observation_size + 8)
-    rows = spec.training.train_env_steps // spec.training.log_every_env_steps + 1
-    return _Sizes(
-        parameters=parameters,
-        kept=4 * parameters + rows * _BYTES_A_LOG_ROW,
-        working=_CHECKPOINTS * _COPIES * 4 * parameters + replay,
-    )
+def _free_memory() -> int:
+    """Bytes that Linux could still give to a process; elsewhere, all that the machine has."""
+    with suppress(OSError, ValueError, IndexError):
+        for line in Path("/proc/meminfo").read_text().splitlines():
+            if line.startswith("MemAvailable:"):
+                return int(line.split()[1]) * 1024
+    return os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
 
 
 def _rule_of_thumb(parameters: int) -> float:
@@ -197,7 +194,9 @@ def _measured_speed(run: PlannedRun, finished: Sequence[RunRecord], device: str)
 
 
 def _work(spec: Mapping[str, Any]) -> Any:
-    """The settings that decide how much an env step costs."""
-    algorithm = dict(spec["algorithm"])
+    """The settings that decide how much an env step costs; None for a record without any."""
+    environment, algorithm = spec.get("environment"), spec.get("algorithm")
+    if not isinstance(environment, dict) or not isinstance(algorithm, dict):
+        return None
     keys = ("learner", "network", "batch_size", "update_every_env_steps", "replay_start_env_steps")
-    return spec["environment"], [algorithm.get(key) for key in keys]
+    return environment, [algorithm.get(key) for key in keys]

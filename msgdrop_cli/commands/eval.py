@@ -33,7 +33,7 @@ def evaluate(
     options.check_device_name(device)
     from msgdrop_cli.commands.measuring import measure  # after the quick checks
 
-    measure(
+    return measure(
         results,
         broken_links=tuple(dict.fromkeys((0.0, fraction))),
         episodes=episodes,
@@ -41,4 +41,3 @@ def evaluate(
         device=device,
         as_json=json,
     )
-    return 0

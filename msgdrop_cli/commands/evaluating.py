@@ -6,15 +6,26 @@ from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import NamedTuple
 
 from msgdrop_cli.analysis.summary import Summary
+from msgdrop_cli.commands import console
 from msgdrop_cli.commands.options import check_device
 from msgdrop_cli.commands.progress import Watch, Watched
-from msgdrop_cli.errors import DefinitionError, RunError
+from msgdrop_cli.errors import DefinitionError, RecordError
 from msgdrop_cli.records.store import EPISODES, METRICS, POLICY, RUN, RUNS, RunRecord, list_runs
 from msgdrop_cli.scheduler import Stopped, Task, graceful_stop, run_tasks
 
 _COPIED = (RUN, POLICY, METRICS, EPISODES)
+
+
+class Evaluated(NamedTuple):
+    """What came of the runs that were to be evaluated."""
+
+    records: list[RunRecord]
+    """The runs that have every episode."""
+    exit_code: int
+    """Of the worst of the others, each of which has been named on stderr; 0 without any."""
 
 
 def measurable_runs(root: Path, broken_links: Sequence[float], episodes: int) -> list[RunRecord]:
@@ -41,19 +52,19 @@ def evaluated(
     device: str,
     workers: int,
     keep: ExitStack,
-) -> list[RunRecord]:
+) -> Evaluated:
     """The records with at least `episodes` episodes for each fraction of broken links.
 
     Published runs are never written to: what they lack is played in a copy that lives as long as
-    `keep`. Raises RunError if an evaluation fails, Stopped if a signal asks for it.
+    `keep`. Raises Stopped if a signal asks for it.
     """
-    missing = {r.run_id for r in records if _lacks(r, broken_links, episodes)}
+    sound, missing, worst = _sorted_out(records, broken_links, episodes)
     if not missing:
-        return list(records)
+        return Evaluated(sound, worst)
     check_device(device)
     places = [
         record if record.run_id not in missing or _is_ours(record) else _copy(record, keep)
-        for record in records
+        for record in sound
     ]
     tasks = [
         Task(
@@ -72,9 +83,9 @@ def evaluated(
             outcomes = run_tasks(tasks, control, workers=workers, finished=watch.finished)
         if control.signal is not None:
             raise Stopped(control.signal)
-    if bad := [outcome for outcome in outcomes if outcome.status != "done"]:
-        raise RunError(f"{bad[0].path}: {bad[0].reason}")
-    return [list_runs(place.path)[0] for place in places]
+    bad = {outcome.run_id: outcome.exit_code for outcome in outcomes if outcome.status != "done"}
+    found = [list_runs(place.path)[0] for place in places if place.run_id not in bad]
+    return Evaluated(found, max(worst, *bad.values(), 0))
 
 
 def only(summary: Summary, broken_links: Sequence[float]) -> Summary:
@@ -86,6 +97,27 @@ def only(summary: Summary, broken_links: Sequence[float]) -> Summary:
             for arm in summary.arms
         ),
     )
+
+
+def _sorted_out(
+    records: Sequence[RunRecord], broken_links: Sequence[float], episodes: int
+) -> tuple[list[RunRecord], set[str], int]:
+    """The sound records, the ids of those that lack episodes, and the others' worst exit code."""
+    sound, missing, worst = [], set[str](), 0
+    for record in records:
+        try:
+            if _lacks(record, broken_links, episodes):
+                if not (record.path / POLICY).is_file():
+                    raise RecordError(
+                        f"{record.path}: lacks episodes, and its {POLICY} is gone; "
+                        "delete this folder and train the run again"
+                    )
+                missing.add(record.run_id)
+            sound.append(record)
+        except RecordError as error:
+            console.error(str(error))
+            worst = max(worst, error.exit_code)
+    return sound, missing, worst
 
 
 def _lacks(record: RunRecord, broken_links: Sequence[float], episodes: int) -> bool:

@@ -21,24 +21,29 @@ def measure(
     device: str,
     as_json: bool,
     question: Definition | None = None,
-) -> None:
+) -> int:
     """Report every trained policy in a folder for these fractions of broken links.
 
     With a question, its claims are judged where both variants are there, and figures are drawn.
-    Raises DefinitionError for a folder without policies, RecordError, RunError and Stopped.
+    Returns the exit code: that of the worst run that could not be evaluated, or 0.
+    Raises DefinitionError for a folder without policies, RecordError and Stopped.
     """
     runs = measurable_runs(results, broken_links, episodes)
     console.note(f"{several(len(runs), 'trained run')} below {results}")
     with ExitStack() as keep:
-        records = evaluated(runs, broken_links, episodes, device=device, workers=workers, keep=keep)
-        report(
-            records,
-            broken_links=broken_links,
-            claims=_judgeable(question, records) if question else (),
-            order=tuple(question.variants) if question else (),
-            figures=results / FIGURES / question.name if question else None,
-            as_json=as_json,
+        records, exit_code = evaluated(
+            runs, broken_links, episodes, device=device, workers=workers, keep=keep
         )
+        if records or as_json:
+            report(
+                records,
+                broken_links=broken_links,
+                claims=_judgeable(question, records) if question else (),
+                order=tuple(question.variants) if question else (),
+                figures=results / FIGURES / question.name if question else None,
+                as_json=as_json,
+            )
+    return exit_code
 
 
 def _judgeable(question: Definition, records: Sequence[RunRecord]) -> list[Claim]:

@@ -14,6 +14,7 @@ from typing import Any
 
 from msgdrop_cli.commands.console import Progress
 from msgdrop_cli.commands.words import duration, several
+from msgdrop_cli.definition.strict import one_line
 from msgdrop_cli.errors import RecordError
 from msgdrop_cli.records.files import read_json
 from msgdrop_cli.records.store import PROGRESS
@@ -73,7 +74,7 @@ class Watch:
         self.steps[run.run_id] = max(outcome.env_steps, self.steps[run.run_id])
         facts = [f"{outcome.env_steps:,} env steps"] if outcome.env_steps else []
         facts += [duration(outcome.wall_time_s)] if outcome.wall_time_s else []
-        facts += [outcome.reason] if outcome.reason else []
+        facts += [one_line(outcome.reason)] if outcome.reason else []
         word = "evaluated" if outcome.status == "done" and not facts[1:] else outcome.status
         self.display.say(f"{word:<11}  {run.name}  ({'; '.join(facts)})")
 

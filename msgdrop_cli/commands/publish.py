@@ -1,5 +1,7 @@
 """`msgdrop publish`: finished runs of a question as small records, tables and figures to commit."""
 
+from collections.abc import Mapping, Sequence
+from itertools import chain
 from pathlib import Path
 from typing import Annotated
 
@@ -22,6 +24,7 @@ def publish(
     to: Annotated[
         Path, typer.Option(metavar="DIR", help="Where published records are kept.")
     ] = Path("results/published"),
+    json: options.Json = False,
 ) -> int:
     """Copy a question's finished runs to where they can be committed.
 
@@ -52,13 +55,19 @@ def publish(
             f" (train them: msgdrop ablate {definition.name} --profile {profile})"
         )
     folder = to / f"{definition.name}-{profile}"
-    for path in copy(records, folder):
-        console.result(str(path))
+    copies = copy(records, folder)
     order = tuple(definition.variants)
     summary = summarise(records, order=order)
     text = tables(summary, judge_claims(asked.claims, summary))
     write_atomic(folder / "TABLES.md", text.encode())
-    console.result(str(folder / "TABLES.md"))
-    for figure in draw_all(records, folder / "figures", order=order):
-        console.result(str(figure))
+    drawn = draw_all(records, folder / "figures", order=order)
+    _show({"runs": copies, "tables": [folder / "TABLES.md"], "figures": drawn}, as_json=json)
     return 0
+
+
+def _show(paths: Mapping[str, Sequence[Path]], *, as_json: bool) -> None:
+    if as_json:
+        console.result_json({kind: [str(each) for each in paths[kind]] for kind in paths})
+        return
+    for path in chain.from_iterable(paths.values()):
+        console.result(str(path))

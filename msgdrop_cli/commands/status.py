@@ -55,7 +55,8 @@ def status(results: options.Folder = Path("results"), json: options.Json = False
 
 
 def _line(record: RunRecord, now: dict[str, Any]) -> dict[str, Any]:
-    total = record.spec.get("training", {}).get("train_env_steps")
+    training = record.spec.get("training")
+    total = training.get("train_env_steps") if isinstance(training, dict) else None
     running = record.status == "running"
     return {
         "environment": record.environment,

@@ -10,6 +10,7 @@ from msgdrop_cli.commands.estimate import (
     Estimate,
     Survey,
     check_folder,
+    check_memory,
     cohorts,
     estimate,
     survey,
@@ -18,6 +19,7 @@ from msgdrop_cli.commands.evaluating import evaluated
 from msgdrop_cli.commands.options import TrainOptions, check_device
 from msgdrop_cli.commands.progress import Watch, Watched
 from msgdrop_cli.commands.reporting import FIGURES, report
+from msgdrop_cli.commands.shapes import check_claims
 from msgdrop_cli.commands.words import duration, several, size
 from msgdrop_cli.definition.plan import Plan, plan
 from msgdrop_cli.definition.spec import Definition, PlannedRun
@@ -43,6 +45,7 @@ def carry_out(definition: Definition, options: TrainOptions) -> int:
     )
     check_device(options.device)
     looked_up = survey(asked.runs, options.results)
+    check_claims(asked, looked_up.pending)
     tasks = cohorts(looked_up.pending, options.workers, options.device)
     cost = estimate(
         looked_up,
@@ -50,7 +53,8 @@ def carry_out(definition: Definition, options: TrainOptions) -> int:
         _finished_runs(options.results),
         workers=options.workers,
         device=options.device,
-        episodes=asked.evaluation_episodes * len(asked.broken_links),
+        episodes=asked.evaluation_episodes,
+        evaluations=len(asked.broken_links),
     )
     if options.dry_run and options.json:
         console.result_json(_plan_json(asked, looked_up, cost))
@@ -61,6 +65,7 @@ def carry_out(definition: Definition, options: TrainOptions) -> int:
         return 0
     outcomes: list[Outcome] = []
     if tasks:
+        check_memory(cost.memory_bytes, options.device)
         check_folder(options.results, cost.disk_bytes)
         outcomes = _train(asked, looked_up, tasks, options)
     else:
@@ -110,13 +115,14 @@ def _train(
 def _report(asked: Plan, options: TrainOptions, outcomes: Sequence[Outcome]) -> int:
     """The numbers of this plan's runs, whoever trained them, under this plan's names.
 
-    Returns 3 if some of them failed or diverged, else 0.
+    Returns the exit code: 3 if some of them failed or diverged, the code of the worst that could
+    not be evaluated, or 0.
     """
     looked_up = survey(asked.runs, options.results)
     done = [record for record in looked_up.records.values() if record.status == "done"]
     lost = {outcome.run_id for outcome in outcomes if outcome.status != "done"}
     with ExitStack() as keep:
-        complete = evaluated(
+        complete, exit_code = evaluated(
             [record for record in done if record.run_id not in lost],
             asked.broken_links,
             asked.evaluation_episodes,
@@ -125,8 +131,12 @@ def _report(asked: Plan, options: TrainOptions, outcomes: Sequence[Outcome]) -> 
             keep=keep,
         )
         current = dict(looked_up.records) | {record.run_id: record for record in complete}
+        # Who could not be evaluated has been named; a table that counts its seed would be wrong.
+        left_out = {record.run_id for record in done} - {record.run_id for record in complete}
         records = [
-            as_planned(current[run.run_id], run) for run in asked.runs if run.run_id in current
+            as_planned(current[run.run_id], run)
+            for run in asked.runs
+            if run.run_id in current and run.run_id not in left_out
         ]
         if records or options.json:
             report(
@@ -143,7 +153,7 @@ def _report(asked: Plan, options: TrainOptions, outcomes: Sequence[Outcome]) -> 
                 },
             )
     words = {looked_up.status(run) for run in asked.runs}
-    return 3 if words & {"failed", "diverged"} else 0
+    return max(exit_code, 3 if words & {"failed", "diverged"} else 0)
 
 
 def as_planned(record: RunRecord, planned: PlannedRun) -> RunRecord:
@@ -204,6 +214,7 @@ def _plan_facts(
             "training": f"{left:,} env steps",
             "evaluation": f"{asked.evaluation_episodes:,} episodes a run, links broken: {links}",
             "time": f"about {duration(cost.seconds)} with {workers} ({cost.source})",
+            "memory": f"about {size(cost.memory_bytes)}",
             "disk": f"up to {size(cost.disk_bytes)} in {options.results}",
         }
     return facts
@@ -223,6 +234,7 @@ def _plan_json(asked: Plan, looked_up: Survey, cost: Estimate) -> dict[str, Any]
         "evaluation_episodes": asked.evaluation_episodes,
         "seconds": round(cost.seconds),
         "seconds_source": cost.source,
+        "memory_bytes": cost.memory_bytes,
         "disk_bytes": cost.disk_bytes,
     }
 

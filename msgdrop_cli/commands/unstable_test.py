@@ -30,7 +30,7 @@ def unstable_test(
     from msgdrop_cli.commands.measuring import measure  # after the quick checks
 
     question = load_definition(_QUESTION)
-    measure(
+    return measure(
         results,
         broken_links=question.broken_links,
         episodes=episodes,
@@ -39,4 +39,3 @@ def unstable_test(
         as_json=json,
         question=question,
     )
-    return 0

@@ -20,6 +20,7 @@ from msgdrop_cli.errors import RecordError
 
 CANNOT_READ, CANNOT_CREATE, CANNOT_WRITE, BUSY = 2, 73, 74, 75
 _LARGEST_FILE = 256 * 2**20
+_LARGEST_INT = 2**63 - 1
 _TEMPORARY = ".tmp-"
 
 
@@ -187,7 +188,12 @@ def _whole_lines(content: bytes) -> list[bytes]:
 def _value(content: bytes, place: str) -> Any:
     try:
         return _cleaned(
-            json.loads(content.decode(), parse_float=_finite, parse_constant=_refuse_constant)
+            json.loads(
+                content.decode(),
+                parse_float=_finite,
+                parse_int=_64_bits,
+                parse_constant=_refuse_constant,
+            )
         )
     except (ValueError, RecursionError) as error:
         raise RecordError(one_line(f"{place}: is damaged: {error}")) from error
@@ -207,6 +213,12 @@ def _finite(text: str) -> float:
     number = float(text)
     if not math.isfinite(number):
         raise ValueError(f"{text[:20]} is not finite")
+    return number
+
+
+def _64_bits(text: str) -> int:
+    if len(text) > 20 or abs(number := int(text)) > _LARGEST_INT:
+        raise ValueError(f"{text[:20]} is a number beyond 64 bits")
     return number
 
 

@@ -139,7 +139,7 @@ class RunRecord:
 
     def episodes(self, broken_links: float | None = None) -> list[dict[str, Any]]:
         """The raw evaluation episodes, of all channels or of one fraction of broken links."""
-        rows = _rows(self.path / EPISODES, "broken_links")
+        rows = _rows(self.path / EPISODES, "broken_links", "episode")
         return [row for row in rows if broken_links in (None, row["broken_links"])]
 
 
@@ -165,7 +165,10 @@ def find_run(root: Path, run_id: str) -> RunRecord | None:
 
     Raises RecordError if its record is damaged; damage of other runs does not matter here.
     """
-    if not root.is_dir():
+    try:
+        if not root.is_dir():
+            return None
+    except OSError:  # a name that is too long, a folder that is closed to us: no run either
         return None
     folders = [path for path in _run_folders(root) if path.name.endswith(f"-{run_id}")]
     found = [record for record in map(_record, folders) if record.run_id == run_id]
@@ -239,7 +242,7 @@ def _record(path: Path) -> RunRecord:
 def _run_folders(root: Path) -> list[Path]:
     try:
         return sorted(_walk(root))
-    except (OSError, ValueError) as error:
+    except (OSError, ValueError, RecursionError) as error:
         place, reason = root, str(error)
         if isinstance(error, OSError):
             place, reason = error.filename or root, error.strerror or reason
@@ -260,13 +263,14 @@ def _walk(folder: Path) -> Iterator[Path]:
             yield from _walk(Path(entry.path))
 
 
-def _rows(path: Path, key: str) -> list[dict[str, Any]]:
+def _rows(path: Path, *keys: str) -> list[dict[str, Any]]:
     if not os.path.lexists(path):
         return []
     rows = read_jsonl(path)
     for number, row in enumerate(rows, start=1):
-        if type(row.get(key)) not in (int, float):
-            raise RecordError(one_line(f"{path}: line {number}: {key!r} is not a number"))
+        for key in keys:
+            if type(row.get(key)) not in (int, float):
+                raise RecordError(one_line(f"{path}: line {number}: {key!r} is not a number"))
     return rows
 
 

@@ -1,0 +1,121 @@
+"""What the shapes of a plan say before anything is trained: sizes, and the names of the metrics.
+
+Environment, learner and replay memory are built on torch's meta device, which has shapes and
+takes no memory: a mistyped size is found here, not by the machine. (Torch loads its decompositions
+for that, about a second; nobody waits for it who has nothing to train.)
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+
+from msgdrop_cli.definition.plan import Plan
+from msgdrop_cli.definition.spec import PlannedRun
+from msgdrop_cli.definition.strict import Where
+from msgdrop_cli.errors import DefinitionError, nearest
+
+_CHECKPOINTS = 3
+"""Two are kept while the next one is written."""
+_SAVED_COPIES, _HELD_COPIES = 4, 5
+"""Of the parameters: online, target, and Adam's two moments; in memory the gradient, too."""
+_BYTES_A_LOG_ROW = 350
+_HEADROOM = 1.1
+"""For manifests, headers, and the blocks of the file system."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Sizes:
+    """What one run needs."""
+
+    parameters: int
+    """Of all agents' networks."""
+    kept: int
+    """Bytes on disk that stay."""
+    working: int
+    """Bytes of checkpoints and replay memory on disk, gone when the run is done."""
+    memory: int
+    """Bytes of tensors while it trains or is evaluated."""
+
+
+def run_sizes(run: PlannedRun, episodes: int) -> Sizes:
+    """The sizes of a run that is evaluated in `episodes` games at once. Loads torch.
+
+    Raises DefinitionError for sizes beyond 64 bits.
+    """
+    from torch import Tensor
+
+    from msgdrop_cli.algorithms.registry import learner_class
+    from msgdrop_cli.engine.replay import Replay
+    from msgdrop_envs import registry
+
+    def held(*owners: object) -> int:
+        parts = (part for owner in owners for part in vars(owner).values())
+        return sum(part.nbytes for part in parts if isinstance(part, Tensor))
+
+    config, training = run.spec.algorithm_config, run.spec.training
+    with _on_no_device(run):
+        env = registry.make(run.spec.environment_config, "meta")
+        learner = learner_class(run.spec.algorithm)([config], env, "meta")
+        replay = Replay(
+            runs=1,
+            games=training.games,
+            agents=env.agents,
+            observation=env.observation_size,
+            dtype=env.observation_dtype,
+            capacity=config.replay_capacity,
+            time_limit=env.time_limit,
+            device="meta",
+        )
+        parameters = sum(tensor.numel() for tensor in learner.policy(0).values())
+        cut_episodes = replay.cut_episodes(0).nbytes
+        memory = held(env, learner, replay) + 4 * _HELD_COPIES * parameters
+    # Older steps stay on disk for the older checkpoint, and with those that share their file.
+    stored = config.replay_capacity + 2 * training.checkpoint_every_env_steps
+    a_step = env.agents * (env.observation_size * env.observation_dtype.itemsize + 8) + 8
+    state = 4 * _SAVED_COPIES * parameters + cut_episodes
+    rows = training.train_env_steps // training.log_every_env_steps + 1
+    at_once = max(training.games, episodes, 2 * config.batch_size)
+    return Sizes(
+        parameters=parameters,
+        kept=4 * parameters + rows * _BYTES_A_LOG_ROW,
+        working=int(
+            _HEADROOM * (_CHECKPOINTS * state + a_step * min(stored, training.train_env_steps))
+        ),
+        memory=memory + 4 * at_once * learner.shown_agents.numel() * env.observation_size,
+    )
+
+
+def check_claims(asked: Plan, pending: Sequence[PlannedRun]) -> None:
+    """Refuse (DefinitionError) to train for a claim on a metric that its environment has not.
+
+    What a learning curve is drawn of depends on the learner; it is not checked. Loads torch.
+    """
+    from msgdrop_envs import registry
+
+    known: dict[str, Mapping[str, object]] = {}
+    for run in pending:
+        if run.spec.environment not in known:
+            with _on_no_device(run):
+                env = registry.make(run.spec.environment_config, "meta")
+            known[run.spec.environment] = env.metrics
+    for claim in asked.claims:
+        metrics = known.get(claim.environment)
+        if metrics and claim.measure == "evaluation" and claim.metric not in metrics:
+            where = Where(asked.definition.file).at("claims").at("metric")
+            hint = nearest(claim.metric, metrics)
+            raise where.error(f"{claim.environment} does not measure {claim.metric!r}; {hint}")
+
+
+@contextmanager
+def _on_no_device(run: PlannedRun) -> Iterator[None]:
+    """Everything is built on the meta device; sizes that torch cannot count are refused."""
+    import torch
+
+    try:
+        with torch.device("meta"):
+            yield
+    except (ArithmeticError, MemoryError, RuntimeError, TypeError, ValueError) as error:
+        raise DefinitionError(
+            f"{run.spec.environment}, {run.variant}: a setting is too large: its map, networks,"
+            " batches or replay memory would have more bytes than 64 bits can count"
+        ) from error

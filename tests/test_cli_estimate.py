@@ -1,0 +1,138 @@
+"""What a plan needs of disk and memory: known, and refused, before anything is trained."""
+
+import os
+from pathlib import Path
+
+import pytest
+import torch
+
+from msgdrop_cli.algorithms.registry import learner_class
+from msgdrop_cli.commands import estimate
+from msgdrop_cli.commands.shapes import run_sizes
+from msgdrop_cli.definition.load import load_definition
+from msgdrop_cli.definition.plan import ad_hoc_definition, plan
+from msgdrop_cli.definition.spec import PlannedRun, Profile
+from msgdrop_cli.engine.catalogue import catalogue
+from msgdrop_cli.engine.checkpoint import Checkpoints
+from msgdrop_cli.engine.run import train_cohort
+from msgdrop_envs import registry
+from tests.cli_runs import QUESTION, msgdrop
+
+KNOWN = catalogue()
+ARMS = [
+    (environment, algorithm)
+    for environment in KNOWN.environments
+    for algorithm, named in KNOWN.algorithms.items()
+    if (environment, named.learner) in KNOWN.paper_algorithm
+]
+"""Every named algorithm where the paper has it."""
+
+
+def planned(environment: str, algorithm: str) -> PlannedRun:
+    """One run at the paper's settings."""
+    definition = ad_hoc_definition(environment, [algorithm], "paper", Profile(seeds=1))
+    return plan(definition, "paper", KNOWN).runs[0]
+
+
+@pytest.fixture
+def question(tmp_path: Path) -> Path:
+    """A question of four tiny runs."""
+    path = tmp_path / "tiny.toml"
+    path.write_text(QUESTION)
+    return path
+
+
+@pytest.mark.parametrize(("environment", "algorithm"), ARMS)
+def test_sizes_are_known_without_memory(environment: str, algorithm: str) -> None:
+    """Every learner on every environment has the parameters that it has where it trains."""
+    run = planned(environment, algorithm)
+    env = registry.make(run.spec.environment_config, "cpu")
+    learner = learner_class(run.spec.algorithm)([run.spec.algorithm_config], env, "cpu")
+    parameters = sum(tensor.numel() for tensor in learner.policy(0).values())
+    sizes = run_sizes(run, episodes=8)
+    assert sizes.parameters == parameters
+    replay = run.spec.algorithm_config.replay_capacity * env.agents * env.observation_size
+    assert sizes.memory > replay * env.observation_dtype.itemsize
+    assert sizes.memory < 1.5 * replay * env.observation_dtype.itemsize
+    assert torch.ones(1).device.type == "cpu"  # nothing is left switched over
+
+
+def test_disk_is_enough_while_a_checkpoint_is_written(
+    question: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """With two checkpoints kept and the third one written, a run fills no more than was said."""
+    overrides = ["training.checkpoint_every_env_steps=20", "algorithm.replay_capacity=50"]
+    asked = plan(load_definition(str(question)), "quick", KNOWN, overrides=overrides)
+    run = asked.runs[0]
+    filled = []
+    prune = Checkpoints._prune
+
+    def measure(checkpoints: Checkpoints) -> None:
+        files = [path for path in tmp_path.rglob("*") if path.is_file()]
+        filled.append(sum(path.stat().st_blocks * 512 for path in files))
+        prune(checkpoints)
+
+    monkeypatch.setattr(Checkpoints, "_prune", measure)
+    [outcome] = train_cohort([run], tmp_path)
+    assert outcome.status == "done", outcome.reason
+    sizes = run_sizes(run, episodes=8)
+    assert sizes.kept + sizes.working > max(filled) > 0.7 * (sizes.kept + sizes.working)
+
+
+@pytest.mark.parametrize("environment", KNOWN.environments)
+def test_every_environment_has_its_shapes_without_memory(environment: str) -> None:
+    """The tables of an environment are as large on no device as on the processor."""
+    config = KNOWN.environments[environment]
+    with torch.device("meta"):
+        env = registry.make(config, "meta")
+    there = registry.make(config, "cpu")
+    assert (env.agents, env.observation_size) == (there.agents, there.observation_size)
+
+
+@pytest.mark.parametrize(
+    "setting",
+    [
+        "environment.map_size=9223372036854775807",
+        "environment.map_size=1000000",
+        "environment.sight=1000000000",
+        "algorithm.batch_size=9223372036854775807",
+        "algorithm.batch_size=1000000000",
+        "algorithm.g_units=9223372036854775807",
+        "algorithm.g_units=1000000000",
+        "algorithm.replay_capacity=9223372036854775807",
+        "training.games=1000000000",
+        "training.games=9223372036854775807",
+    ],
+)
+def test_absurd_sizes_are_refused(question: Path, tmp_path: Path, setting: str) -> None:
+    """What fits no memory is refused in one line before anything is written."""
+    results = tmp_path / "results"
+    said = msgdrop("ablate", question, "--results", results, "--set", setting)
+    last = said.err.splitlines()[-1]
+    assert (said.code, said.out) == (2, "")
+    assert "bytes) of memory" in last or "than 64 bits can count" in last
+    assert len(last) < 300
+    assert not results.exists()
+
+
+def test_memory_is_named_where_it_lacks(question: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Needed and free bytes stand in the line; a GPU's memory is not judged by the machine's."""
+    monkeypatch.setattr(estimate, "_free_memory", lambda: 1_000)
+    said = msgdrop("ablate", question, "--results", question.parent / "results")
+    assert said.code == 2
+    assert "1,000 bytes) are free" in said.err.splitlines()[-1]
+    estimate.check_memory(10**18, "cuda")
+
+
+def test_free_memory_is_a_part_of_the_machines() -> None:
+    """More than nothing and at most what the machine has."""
+    whole = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
+    assert 0 < estimate._free_memory() <= whole
+
+
+def test_a_claim_on_an_unknown_metric_is_refused(question: Path) -> None:
+    """A misspelt metric is found before the training that nobody could judge."""
+    question.write_text(QUESTION.replace('"catches_per_500"', '"catches_per_50"'))
+    said = msgdrop("ablate", question, "--results", question.parent / "results", "--dry-run")
+    assert said.code == 2
+    assert "does not measure 'catches_per_50'; did you mean 'catches_per_500'?" in said.err
