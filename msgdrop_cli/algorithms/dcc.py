@@ -120,6 +120,8 @@ TRAINING: Mapping[str, Mapping[str, Any]] = {
 class DCC:
     """The stacked double deep Q-learners of a cohort: R runs of N agents each."""
 
+    joint = False
+
     def __init__(
         self, configs: Sequence[Config], env: Environment, device: torch.device | str = "cpu"
     ) -> None:

@@ -168,7 +168,8 @@ def _sizes(run: PlannedRun) -> _Sizes:
     capacity = min(
         getattr(spec.algorithm_config, "replay_capacity", 0), spec.training.train_env_steps
     )
-    replay = capacity * env.agents * (env.observation_size + 8)
+    seen = env.observation_size * env.observation_dtype.itemsize
+    replay = capacity * env.agents * (seen + 8 + 4 * env.action_size)
     rows = spec.training.train_env_steps // spec.training.log_every_env_steps + 1
     return _Sizes(
         parameters=parameters,
