@@ -2,7 +2,7 @@
 
 import hashlib
 import json
-from dataclasses import replace
+from dataclasses import fields, replace
 from pathlib import Path
 
 from msgdrop_cli.definition.run_id import run_id
@@ -24,11 +24,15 @@ def planned(
     """A run of a few hundred env steps that learns, wraps its replay round and cuts episodes."""
     known = catalogue()
     named = known.algorithm(algorithm)
-    settings = {
+    early = {
         "replay_capacity": 200,
         "replay_start_env_steps": 100,
         "target_update_every_updates": 20,
         "epsilon_anneal_env_steps": 300,
+    }
+    known_fields = {field.name for field in fields(named.config_class)}
+    settings = {
+        **{name: value for name, value in early.items() if name in known_fields},
         **named.overrides,
         **config,
     }

@@ -108,6 +108,14 @@ def test_time_is_measured_where_it_can_be(store: Store, copy: Store) -> None:
     assert planned("--set", "algorithm.batch_size=64")[1].startswith("rule of thumb")
 
 
+@pytest.mark.parametrize("profile", ["quick", "million", "paper"])
+def test_train_takes_a_learner_without_epsilon(profile: str, tmp_path: Path) -> None:
+    """The profiles' settings that a learner does not have are left out, not refused."""
+    arguments = ("--env", "waterworld-n8", "--algorithm", "maddpg-md", "--profile", profile)
+    said = msgdrop("train", *arguments, "--dry-run", "--results", tmp_path)
+    assert said.code == 0, said.err
+
+
 def test_train_is_a_question_of_one_variant(tmp_path: Path) -> None:
     """`train` makes one run of the named algorithm, and the overrides stand in its record."""
     sets = (*TINY, "training.train_env_steps=200", "algorithm.rate=0.4")

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from msgdrop_cli.algorithms import dcc
+from msgdrop_cli.algorithms import dcc, maddpg
 from msgdrop_cli.definition.spec import Profile, TrainingSpec
 from msgdrop_envs import pursuit
 
@@ -83,6 +83,46 @@ def test_settings_of_an_environment_are_the_papers(
     assert asdict(dcc.Config(**dcc.PAPER[environment])) == LEARNER | changes
     training = TrainingSpec(**dcc.TRAINING[environment])
     assert training.train_env_steps == 5_000_000  # ours; l. 753 only lets it exceed 2e6
+
+
+MADDPG: dict[str, Any] = {
+    "rate": 0.2,  # l. 436: 0.2 and 0.5
+    "network": "fgh",  # l. 404, 436
+    "masks_actions": False,  # l. 274 masks observations
+    "shares_parameters": True,  # l. 772
+    "actor_units": 64,  # l. 768
+    "f_units": (200, 100),  # l. 770
+    "g_units": 100,  # l. 770
+    "h_units": 64,  # l. 770
+    "gamma": 0.95,  # l. 772
+    "learning_rate": 1e-3,  # l. 772
+    "batch_size": 32,  # ours
+    "max_gradient_norm": 0.5,  # ours
+    "tau": 0.01,  # ours
+    "noise": 0.15,  # l. 772
+    "replay_capacity": 500_000,  # l. 772
+    "replay_start_env_steps": 10_000,  # ours
+    "update_every_env_steps": 5,  # l. 772
+    "actor_update_every_env_steps": 10,  # l. 772
+}
+
+
+def test_maddpgs_defaults_are_the_decided_ones() -> None:
+    """The supplement's waterworld, its gaps filled as decided; the names change little."""
+    assert asdict(maddpg.Config()) == MADDPG
+    changes: dict[str, dict[str, Any]] = {
+        "ddpg": {"network": "own", "rate": 0.0},  # l. 435
+        "vanilla-maddpg": {"network": "concat", "rate": 0.0},  # l. 436
+        "maddpg": {"rate": 0.0},  # l. 436
+        "maddpg-md": {},  # l. 274, 279
+    }
+    assert {name: asdict(maddpg.Config(**each)) for name, each in maddpg.NAMED.items()} == {
+        name: MADDPG | each for name, each in changes.items()
+    }
+    for environment in ("waterworld-n8", "waterworld-n10"):
+        assert asdict(maddpg.Config(**maddpg.PAPER[environment])) == MADDPG
+        training = TrainingSpec(**maddpg.TRAINING[environment])
+        assert training.train_env_steps == 2_000_000  # ours
 
 
 def test_length_and_games_are_the_decided_ones() -> None:

@@ -21,6 +21,8 @@ SIX, EIGHT = BOTH[:1], BOTH[1:]
 AFTER, DURING = ("evaluation",), ("learning",)
 PROPER = ("md-0.2", "md-0.3")  # l. 420: "the best dropout rate is around [0.2, 0.3]"
 NAVIGATION = ("navigation-n8", "navigation-n10")
+WATERWORLD = ("waterworld-n8", "waterworld-n10")
+CENTRAL = ("maddpg-md-0.2", "maddpg-md-0.5")
 UNSTABLE = ("md-0.2", "md-0.5")  # no rate is named; those of l. 428 and 436
 # (definition, lines of the paper, better, worse, environments, measures, broken links); a row
 # stands for every combination of its entries.
@@ -65,9 +67,12 @@ CLAIMS = [
     ("broken-links", (529, 529), ("fdc",), UNSTABLE, BOTH, AFTER, 1.0),
     # "DCC-MD with the dropout rate 0.2 and 0.5 outperforms simple DCC and FDC"
     ("navigation", (430, 430), UNSTABLE, ("dcc", "fdc"), NAVIGATION, AFTER + DURING, 0.0),
+    # "MADDPG-MD outperforms both (independent) DDPG and MADDPG"
+    ("waterworld", (439, 439), CENTRAL, ("ddpg", "maddpg"), WATERWORLD, AFTER + DURING, 0.0),
 ]
 HEADLINE = {"pursuit": "catches_per_500", "navigation": "return_per_episode"}
-"""What the paper measures (l. 419, 429, 455)."""
+HEADLINE["waterworld"] = "catches_per_500"
+"""What the paper measures (l. 419, 429, 438, 455)."""
 ALGORITHMS = {"md": "dcc-md", "sd": "dcc-sd", "concat-md": "concat-md"}
 """What the variants' names stand for where they are no names of algorithms."""
 
@@ -140,6 +145,8 @@ def test_a_shorter_training_explores_for_half_of_it(name: str) -> None:
     for profile in set(definition.profiles) - {"paper"}:
         for run in plan(definition, profile, CATALOGUE).runs:
             paper, steps = papers[run.spec.environment], run.spec.training.train_env_steps
+            if not hasattr(paper.algorithm_config, "epsilon_anneal_env_steps"):
+                continue  # MADDPG's noise is the same throughout
             whole = steps == paper.training.train_env_steps
             expected = paper.algorithm_config.epsilon_anneal_env_steps if whole else steps // 2
             assert run.spec.algorithm_config.epsilon_anneal_env_steps == expected

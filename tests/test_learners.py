@@ -56,10 +56,10 @@ def _updated(learner: str, name: str, environment: str, seeds: int = 1) -> Train
     return training
 
 
-def test_the_registry_finds_the_papers_learner() -> None:
+def test_the_registry_finds_the_papers_learners() -> None:
     """Otherwise nothing below would be tested."""
-    assert "dcc" in LEARNERS
-    assert len(CASES) >= 16
+    assert {"dcc", "maddpg"} <= set(LEARNERS)
+    assert len(CASES) >= 40
 
 
 @pytest.mark.parametrize("learner", LEARNERS)
@@ -91,7 +91,7 @@ def test_impossible_rates_are_refused(learner: str, rate: float) -> None:
 
 @pytest.mark.parametrize(("learner", "name", "environment"), CASES)
 def test_acts_for_every_agent_in_every_game(learner: str, name: str, environment: str) -> None:
-    """Whole numbers from 0 to A-1, [R, E, N], exploring or greedy, with and without links."""
+    """Choices [R, E, N] or numbers in [-1, 1], exploring or greedy, with and without links."""
     training = _training(learner, name, environment, seeds=2)
     env, made = training.env, training.learner
     batch = (2, GAMES, env.agents)
@@ -104,9 +104,13 @@ def test_acts_for_every_agent_in_every_game(learner: str, name: str, environment
         made.act_greedily(obs),
         made.act_greedily(obs, broken),
     ):
-        assert (actions.shape, actions.dtype) == (batch, torch.int64)
-        assert actions.min() >= 0
-        assert actions.max() < env.actions
+        if env.actions:
+            assert (actions.shape, actions.dtype) == (batch, torch.int64)
+            assert actions.min() >= 0
+            assert actions.max() < env.actions
+        else:
+            assert (actions.shape, actions.dtype) == ((*batch, env.action_size), torch.float32)
+            assert actions.abs().max() <= 1.0
     shown = made.shown_agents
     assert shown.shape[0] == env.agents
     assert shown[:, 0].tolist() == list(range(env.agents))

@@ -121,6 +121,8 @@ TRAINING: Mapping[str, Mapping[str, Any]] = {
 class DCC:
     """The stacked double deep Q-learners of a cohort: R runs of N agents each."""
 
+    joint = False
+
     def __init__(
         self, configs: Sequence[Config], env: Environment, device: torch.device | str = "cpu"
     ) -> None:
@@ -168,9 +170,8 @@ class DCC:
     def epsilon(self, env_steps: int) -> float:
         """The share of random actions after `env_steps` (l. 753)."""
         c = self.config
-        return annealed_epsilon(
-            env_steps, c.epsilon_start, c.epsilon_final, c.epsilon_anneal_env_steps
-        )
+        over = c.epsilon_anneal_env_steps
+        return annealed_epsilon(env_steps, c.epsilon_start, c.epsilon_final, over)
 
     def act(self, obs: Tensor, uniforms: Tensor, env_steps: int) -> Tensor:
         """With probability epsilon a random action, otherwise the policy's (l. 201-203).

@@ -7,16 +7,20 @@ from torch import Tensor
 
 
 class Batch(NamedTuple):
-    """A minibatch for every network; G = R*N, the own observation first among the 1 + S blocks."""
+    """A minibatch for every network; G = R*N, the own observation first among the 1 + S blocks.
+
+    For a `joint` learner, one for every run, of joint transitions: all agents in order.
+    """
 
     obs: Tensor
-    """[G, 2*B, 1+S, O]: the B observations, then the B next observations, as stored."""
+    """[G, 2*B, 1+S, O]: the B observations, then the B next ones, as stored; joint [R, 2*B, N, O].
+    """
     action: Tensor
-    """[G, B] int64."""
+    """[G, B] int64; joint [R, B, N] int64, or [R, B, N, A] float32 if actions are continuous."""
     reward: Tensor
-    """[G, B] float32."""
+    """[G, B] float32; joint [R, B, N]."""
     discount: Tensor
-    """[G, B] float32: 0 at a true end, else 1."""
+    """[G, B] float32: 0 at a true end, else 1; joint [R, B]."""
 
 
 class Pace(Protocol):
@@ -46,6 +50,8 @@ class Learner(Protocol):
     def config(self) -> Pace:
         """The Config that the runs share."""
 
+    joint: bool
+    """Whether all agents of a run learn from the same joint transitions (see `Batch`)."""
     shown_agents: Tensor
     """[N, 1+S] int64: whom agent i is shown, itself first, then the senders in increasing order."""
     init_uniforms: int
@@ -59,13 +65,16 @@ class Learner(Protocol):
         """Make new weights; uniforms [R, init_uniforms]."""
 
     def act(self, obs: Tensor, uniforms: Tensor, env_steps: int) -> Tensor:
-        """Behave in training; obs [R, E, N, O], uniforms [R, E, N, act_uniforms]."""
+        """Behave in training; obs [R, E, N, O], uniforms [R, E, N, act_uniforms].
+
+        Returns [R, E, N] int64, or [R, E, N, A] float32 if actions are continuous.
+        """
 
     def act_greedily(self, obs: Tensor, keep: Tensor | None = None) -> Tensor:
         """Behave in execution; keep [R, E, N, S] says which messages arrive."""
 
     def update(self, batch: Batch, uniforms: Tensor) -> None:
-        """Learn from one minibatch an agent; uniforms [R, update_uniforms]."""
+        """Learn from one minibatch; uniforms [R, update_uniforms]."""
 
     def metrics(self, env_steps: int) -> list[dict[str, float | None]]:
         """Each run's means since the last call; not a number where the run diverged."""
@@ -88,4 +97,4 @@ class LearnerFactory(Protocol):
     """A learner's class: built from the runs' Configs, which may differ in `rate` only."""
 
     def __call__(self, configs: Sequence[Any], env: Any, device: Any) -> Learner:
-        """Build the learner for `env` (its agents, observation_size and actions)."""
+        """Build the learner for `env` (its agents, observation_size, actions and action_size)."""

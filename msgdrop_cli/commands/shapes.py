@@ -64,6 +64,7 @@ def run_sizes(run: PlannedRun, episodes: int) -> Sizes:
             dtype=env.observation_dtype,
             capacity=config.replay_capacity,
             time_limit=env.time_limit,
+            action_size=env.action_size,
             device="meta",
         )
         parameters = sum(tensor.numel() for tensor in learner.policy(0).values())
@@ -71,7 +72,8 @@ def run_sizes(run: PlannedRun, episodes: int) -> Sizes:
         memory = held(env, learner, replay) + 4 * _HELD_COPIES * parameters
     # Older steps stay on disk for the older checkpoint, and with those that share their file.
     stored = config.replay_capacity + 2 * training.checkpoint_every_env_steps
-    a_step = env.agents * (env.observation_size * env.observation_dtype.itemsize + 8) + 8
+    seen = env.observation_size * env.observation_dtype.itemsize
+    a_step = env.agents * (seen + 8 + 4 * env.action_size) + 8
     state = 4 * _SAVED_COPIES * parameters + cut_episodes
     rows = training.train_env_steps // training.log_every_env_steps + 1
     at_once = max(training.games, episodes, 2 * config.batch_size)

@@ -1,6 +1,7 @@
 """`msgdrop train`: one named algorithm on one environment, outside any question."""
 
 from collections.abc import Mapping
+from dataclasses import fields, replace
 from pathlib import Path
 from types import MappingProxyType
 from typing import Annotated
@@ -64,6 +65,19 @@ def train(
         known = nearest(profile[:64], _PROFILES)
         raise DefinitionError(f"no profile is called {profile[:64]!r}; {known}")
     definition = ad_hoc_definition(env, [algorithm], profile, _PROFILES[profile])
+    definition = replace(definition, profiles={profile: _fitting(_PROFILES[profile], algorithm)})
     from msgdrop_cli.commands.training import carry_out  # after the quick checks
 
     return carry_out(definition, checked)
+
+
+def _fitting(profile: Profile, algorithm: str) -> Profile:
+    """The profile without settings that the learner does not have: MADDPG anneals no epsilon."""
+    from msgdrop_cli.engine.catalogue import catalogue
+
+    named = catalogue().algorithms.get(algorithm)
+    if named is None:
+        return profile  # `plan` says what is wrong
+    known = {field.name for field in fields(named.config_class)}
+    kept = {name: value for name, value in profile.algorithm.items() if name in known}
+    return replace(profile, algorithm=kept)

@@ -30,6 +30,7 @@ class Replay:
         dtype: torch.dtype,
         capacity: int,
         time_limit: int,
+        action_size: int = 0,
         device: torch.device | str = "cpu",
     ) -> None:
         self.games, self.agents, self.time_limit = games, agents, time_limit
@@ -42,7 +43,11 @@ class Replay:
         self.obs = torch.zeros(
             runs, rows + self._ends * games + 1, agents, observation, dtype=dtype, device=device
         )
-        self.action = torch.zeros(runs, rows, agents, dtype=torch.uint8, device=device)
+        self.action = (
+            torch.zeros(runs, rows, agents, action_size, device=device)
+            if action_size
+            else torch.zeros(runs, rows, agents, dtype=torch.uint8, device=device)
+        )
         self.reward = torch.zeros(runs, rows, agents, device=device)
         self.discount = torch.zeros(runs, rows, device=device)
         self.next_row = torch.zeros(runs, rows, dtype=torch.int32, device=device)
@@ -61,13 +66,14 @@ class Replay:
     def add(self, actions: Tensor, transition: Transition, next_obs: Tensor) -> None:
         """Store one step of every game.
 
-        actions [R, E, N]; transition [R, E, ...]; next_obs [R, E, N, O] after any restart.
+        actions [R, E, N] or [R, E, N, A]; transition [R, E, ...]; next_obs [R, E, N, O] after any
+        restart.
         """
         here = self._rows(self.added)
         there = self._rows(self.added + 1)
         cut = transition.ended & (transition.discount > 0)  # [R, E]
         end = self._end_rows(self.added)
-        self.action[:, here] = actions.to(torch.uint8)
+        self.action[:, here] = actions.to(self.action.dtype)
         self.reward[:, here] = transition.reward
         self.discount[:, here] = transition.discount
         self.obs[:, there] = next_obs
@@ -98,6 +104,18 @@ class Replay:
             action=self.action.view(-1)[own].view(networks, batch).long(),
             reward=self.reward.view(-1)[own].view(networks, batch),
             discount=self.discount.view(-1)[taken].view(networks, batch),
+        )
+
+    def gather_joint(self, rows: Tensor) -> Batch:
+        """Put one minibatch a run together, of all agents at once. rows: [R, B]."""
+        taken = rows + self._first_row  # [R, B], rows of the flat memories
+        now_and_next = torch.cat((rows, self.next_row.view(-1)[taken]), -1)  # [R, 2B]
+        action = self.action.flatten(0, 1)[taken]
+        return Batch(
+            obs=self.obs.flatten(0, 1)[now_and_next + self._first_obs_row],  # [R, 2B, N, O]
+            action=action if action.is_floating_point() else action.long(),
+            reward=self.reward.flatten(0, 1)[taken],
+            discount=self.discount.view(-1)[taken],
         )
 
     def stretch(self, run: int, first: int, last: int) -> dict[str, Tensor]:

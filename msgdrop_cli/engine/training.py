@@ -37,6 +37,7 @@ class Training:
             dtype=self.env.observation_dtype,
             capacity=config.replay_capacity,
             time_limit=self.env.time_limit,
+            action_size=self.env.action_size,
             device=device,
         )
         self.env_steps = 0
@@ -62,7 +63,7 @@ class Training:
             self.learn(self.sample())
 
     def act(self) -> Tensor:
-        """Each agent acts epsilon-greedily on Q_exec (l. 199-207): [R, E, N]."""
+        """Each agent acts, and explores (l. 199-207): [R, E, N], or [R, E, N, A] numbers."""
         shape = (self.games_each, self.env.agents, self.learner.act_uniforms)
         uniforms = self.streams.uniforms("explore", *shape)
         return self.learner.act(self.games.obs, uniforms, self.env_steps)
@@ -82,10 +83,13 @@ class Training:
         self.sums += torch.stack(counts).sum(-1)  # [counts + 3, R]
 
     def sample(self) -> Batch:
-        """Sample a minibatch for each agent from its memory (l. 215)."""
-        shape = (self.env.agents, self.learner.config.batch_size)
-        drawn = self.streams.integers("replay", len(self.replay), *shape)
-        return self.replay.gather(self.replay.rows(drawn), self.learner.shown_agents)
+        """Sample a minibatch for each agent from its memory (l. 215), or one for all (joint)."""
+        joint, size = self.learner.joint, self.learner.config.batch_size
+        shape = (size,) if joint else (self.env.agents, size)
+        rows = self.replay.rows(self.streams.integers("replay", len(self.replay), *shape))
+        if joint:
+            return self.replay.gather_joint(rows)
+        return self.replay.gather(rows, self.learner.shown_agents)
 
     def learn(self, batch: Batch) -> None:
         """Generate the binary mask and update every agent's network (l. 217-219)."""

@@ -90,6 +90,8 @@ def dense(layer: Dense, inputs: Tensor | SparseInput) -> Tensor:
     """Inputs [G, B, in] times weight plus bias: [G, B, out]."""
     if isinstance(inputs, SparseInput):
         return inputs.times(*layer)
+    if layer.weight.shape[-1] == 1:  # the matrix library rounds one column otherwise if G is 1
+        return (inputs * layer.weight.mT).sum(-1, keepdim=True) + layer.bias
     return torch.baddbmm(layer.bias, inputs, layer.weight)
 
 

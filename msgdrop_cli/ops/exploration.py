@@ -1,4 +1,6 @@
-"""Epsilon-greedy actions (paper l. 201-203) and the schedule of epsilon (l. 753)."""
+"""Exploration: epsilon-greedy (paper l. 201-203, 753) and Gaussian noise on actions (l. 772)."""
+
+import math
 
 import torch
 from torch import Tensor
@@ -19,3 +21,25 @@ def epsilon_greedy(q: Tensor, uniforms: Tensor, epsilon: float) -> Tensor:
     """
     random = (uniforms[..., 1] * q.shape[-1]).long()
     return torch.where(uniforms[..., 0] < epsilon, random, q.argmax(-1))
+
+
+def normals(uniforms: Tensor) -> Tensor:
+    """Standard normal numbers, each from two uniforms in [0, 1) by Box and Muller's rule.
+
+    uniforms: [..., 2*A], the radii's numbers and then the angles'. Returns [..., A] float32.
+    """
+    radius, angle = uniforms.chunk(2, -1)
+    return (-2.0 * (1.0 - radius).log()).sqrt() * (2.0 * math.pi * angle).cos()
+
+
+def noisy_action(action: Tensor, uniforms: Tensor, sigma: float) -> Tensor:
+    """The action with Gaussian noise (paper l. 772), kept in [-1, 1].
+
+    action: [..., A]; uniforms: [..., 2*A] in [0, 1). Returns [..., A].
+    """
+    return (action + sigma * normals(uniforms)).clamp(-1.0, 1.0)
+
+
+def random_action(uniforms: Tensor) -> Tensor:
+    """An action uniform in [-1, 1), from the first half of uniforms [..., 2*A]: [..., A]."""
+    return 2.0 * uniforms.chunk(2, -1)[0] - 1.0

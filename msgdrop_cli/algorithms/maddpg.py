@@ -1,0 +1,297 @@
+"""Centralised training, decentralised execution: DDPG, MADDPG, MADDPG-MD (l. 89-100, 267-279).
+
+One learner for all of them; actors see their own observation only. What tells them apart are
+values of the Config:
+
+* MADDPG is MADDPG-MD at rate 0: the critic is h(f(o, a), g(the others)) (l. 404-407);
+* MADDPG-MD drops the observation of each other agent from the critic's input with probability
+  `rate`, in x and x' alike (l. 274); nothing is scaled, since the critic is never executed;
+* vanilla MADDPG feeds everything to one perceptron (network "concat");
+* DDPG's critic sees its own observation and action only (network "own").
+
+Letters: `R` runs, `E` games, `N` agents, `G` networks (R if shared by the agents, else R*N), `B`
+batch, `rows` N*B if shared, else B; `S` senders, `O` observation, `A` numbers of an action.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Literal
+
+import torch
+from torch import Tensor
+
+from msgdrop_cli.algorithms.protocol import Batch
+from msgdrop_cli.algorithms.soft_target import SoftTarget
+from msgdrop_cli.errors import DefinitionError
+from msgdrop_cli.networks.critic import ConcatCritic, Critic, FGHCritic
+from msgdrop_cli.networks.perceptron import Perceptron
+from msgdrop_cli.networks.stacked import Stacked, parameter_count
+from msgdrop_cli.ops.exploration import noisy_action, random_action
+from msgdrop_cli.ops.message_dropout import apply_keep, keep_mask
+from msgdrop_cli.ops.td import loss_gradient
+from msgdrop_envs.protocol import Environment
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Config:
+    """The learner's settings; the defaults are the paper's for waterworld."""
+
+    rate: float = 0.2
+    """Probability of dropping another agent's observation in training (paper l. 274)."""
+    network: Literal["fgh", "concat", "own"] = "fgh"
+    """The critic: h(f, g) (l. 404), one perceptron on everything, or on the own only."""
+    masks_actions: bool = False
+    """Drop the action of an agent with its observation (ours: no; l. 274 masks observations)."""
+    shares_parameters: bool = True
+    """All agents share one actor and one critic (l. 772)."""
+    actor_units: int = 64
+    """The hidden layer of the actor (l. 768)."""
+    f_units: tuple[int, int] = (200, 100)
+    """Layers of f; also the first layers of the perceptron (l. 770)."""
+    g_units: int = 100
+    """The layer of g (l. 770)."""
+    h_units: int = 64
+    """The hidden layer of h (l. 770)."""
+    gamma: float = 0.95
+    """Discount (l. 772)."""
+    learning_rate: float = 1e-3
+    """Adam's step size, of actor and critic (l. 772)."""
+    batch_size: int = 32
+    """Joint transitions an update, each of which serves all agents (ours)."""
+    max_gradient_norm: float = 0.5
+    """Clip each network's gradient to this norm (ours, OpenAI's MADDPG); 0 does not clip."""
+    tau: float = 0.01
+    """How far a target network follows at each update of its own (ours, OpenAI's MADDPG)."""
+    noise: float = 0.15
+    """Standard deviation of the Gaussian noise on actions (l. 772)."""
+    replay_capacity: int = 500_000
+    """Joint transitions in the memory (l. 772)."""
+    replay_start_env_steps: int = 10_000
+    """Env steps of random actions before the first update (ours)."""
+    update_every_env_steps: int = 5
+    """Env steps between two updates of the critic (l. 772)."""
+    actor_update_every_env_steps: int = 10
+    """Env steps between two updates of the actor (l. 772); a multiple of the critic's."""
+
+    def __post_init__(self) -> None:
+        for name in ("rate", "gamma", "tau"):
+            if not 0.0 <= getattr(self, name) <= 1.0:
+                raise ValueError(f"{name} must be between 0 and 1, not {getattr(self, name)}")
+        for name in ("learning_rate", "max_gradient_norm", "noise", "replay_start_env_steps"):
+            if not getattr(self, name) >= 0:
+                raise ValueError(f"{name} must not be negative, not {getattr(self, name)}")
+        counts = ("actor_units", "g_units", "h_units", "batch_size", "replay_capacity")
+        for name in (*counts, "update_every_env_steps", "actor_update_every_env_steps"):
+            if getattr(self, name) < 1:
+                raise ValueError(f"{name} must be at least 1, not {getattr(self, name)}")
+        if min(self.f_units) < 1:
+            raise ValueError(f"f_units must be at least 1 each, not {list(self.f_units)}")
+        if self.actor_update_every_env_steps % self.update_every_env_steps:
+            raise ValueError(
+                "actor_update_every_env_steps must be a multiple of update_every_env_steps, not"
+                f" {self.actor_update_every_env_steps} of {self.update_every_env_steps}"
+            )
+
+
+NAMED: Mapping[str, Mapping[str, Any]] = {
+    "ddpg": {"network": "own", "rate": 0.0},
+    "vanilla-maddpg": {"network": "concat", "rate": 0.0},
+    "maddpg": {"rate": 0.0},
+    "maddpg-md": {},
+}
+"""The names that definitions and `--algorithm` use, and what each changes in the Config."""
+
+PAPER: Mapping[str, Mapping[str, Any]] = {"waterworld-n8": {}, "waterworld-n10": {}}
+"""What the supplement changes for each environment: nothing."""
+
+TRAINING: Mapping[str, Mapping[str, Any]] = {name: {"train_env_steps": 2_000_000} for name in PAPER}
+"""How long the paper's runs are (ours: not in the paper)."""
+
+
+class MADDPG:
+    """The stacked actors and critics of a cohort: R runs of N agents each."""
+
+    joint = True
+
+    def __init__(
+        self, configs: Sequence[Config], env: Environment, device: torch.device | str = "cpu"
+    ) -> None:
+        self.config = config = configs[0]
+        if any(replace(each, rate=config.rate) != config for each in configs):
+            raise ValueError("the runs of a cohort may differ in rate only")
+        if env.action_size == 0:
+            raise DefinitionError("maddpg acts by numbers; this environment has single actions")
+        self._runs, self._agents, self._size = len(configs), env.agents, config.batch_size
+        self._networks_each = 1 if config.shares_parameters else env.agents
+        self._networks = self._runs * self._networks_each
+        observation, action = env.observation_size, env.action_size
+        self.actor = Perceptron(observation, 0, (config.actor_units,), action)
+        self.critic = _critic(config, env)
+        settings = (config.learning_rate, config.max_gradient_norm, config.tau)
+        self.actors = SoftTarget(self.actor.layers, self._networks, *settings, device)
+        self.critics = SoftTarget(self.critic.layers, self._networks, *settings, device)
+        self.updates = 0
+
+        self._senders = senders = self.critic.hears
+        others = [[i, *(j for j in range(env.agents) if j != i)] for i in range(env.agents)]
+        self.shown_agents = torch.tensor(others, device=device)[:, : 1 + senders]
+        self.rate = torch.tensor([c.rate for c in configs], device=device)  # [R]
+        # Which of B*N joint rows stands where in [N, B, 1+S].
+        sample = torch.arange(self._size, device=device)[:, None] * env.agents
+        self._order = (sample + self.shown_agents[:, None]).flatten()
+        self.init_uniforms = self._networks_each * sum(
+            parameter_count(network.layers) for network in (self.actor, self.critic)
+        )
+        self.act_uniforms = 2 * action
+        self.update_uniforms = env.agents * self._size * senders
+        self._sums = torch.zeros(2, self._runs, device=device)
+        self._summed = 0
+
+    def initialise(self, uniforms: Tensor) -> None:
+        """New weights, online and target alike; uniforms [R, init_uniforms]."""
+        count = self._networks_each * parameter_count(self.actor.layers)
+        self.actors.initialise(uniforms[:, :count])
+        self.critics.initialise(uniforms[:, count:])
+
+    def act(self, obs: Tensor, uniforms: Tensor, env_steps: int) -> Tensor:
+        """The actor's action with Gaussian noise (l. 772); random ones before learning begins.
+
+        obs: [R, E, N, O]; uniforms: [R, E, N, 2*A]. Returns [R, E, N, A] float32.
+        """
+        if env_steps < self.config.replay_start_env_steps:
+            return random_action(uniforms)
+        return noisy_action(self._mu(self.actors.online, obs), uniforms, self.config.noise)
+
+    def act_greedily(self, obs: Tensor, keep: Tensor | None = None) -> Tensor:
+        """The actor's action without noise, [R, E, N, A]; obs [R, E, N, O].
+
+        An actor hears nobody, so broken links (keep) mean nothing to it.
+        """
+        return self._mu(self.actors.online, obs)
+
+    def update(self, batch: Batch, uniforms: Tensor) -> None:
+        """Improve the critic, and the actor if it is due, on one minibatch with one mask.
+
+        uniforms: [R, update_uniforms], for the binary mask. The actor's first update comes with
+        the critic's first.
+        """
+        obs, next_obs = batch.obs[:, : self._size], batch.obs[:, self._size :]  # [R, B, N, O]
+        shape = (self._runs, self._agents, self._size, self._senders, 1)
+        keep = keep_mask(uniforms.view(shape), self.rate)  # for x and x' alike (l. 274)
+        own, action, others = self._seen(obs, batch.action, keep)
+        next_action = self._mu(self.actors.target, next_obs)
+        next_q, _ = self.critic.forward(
+            self.critics.target, *self._seen(next_obs, next_action, keep)
+        )
+        reward = self._rows(batch.reward.transpose(1, 2)[..., None])  # [G, rows, 1]
+        discount = batch.discount[:, None].expand(-1, self._agents, -1)  # [R, N, B]
+        target = reward + self.config.gamma * self._rows(discount[..., None]) * next_q
+
+        q, trace = self.critic.forward(self.critics.online, own, action, others)
+        loss, slope = loss_gradient(q - target, "mse")
+        grad_q = slope / q.shape[1]
+        self.critic.backward(self.critics.online, trace, grad_q, self.critics.adam.gradient)
+        self.critics.step()
+        if self.updates % self._critic_updates_each == 0:
+            self._improve_actor(own, others)
+        self.updates += 1
+        self._sums[0] += loss.view(self._runs, -1).mean(1)
+        self._sums[1] += q.view(self._runs, -1).mean(1)
+        self._summed += 1
+
+    def metrics(self, env_steps: int) -> list[dict[str, float | None]]:
+        """Each run's means of loss and Q since the last call; None without an update."""
+        learnt = self._summed > 0
+        means = (self._sums / max(self._summed, 1)).T.tolist()
+        self._sums.zero_()
+        self._summed = 0
+        return [{"loss": loss if learnt else None, "q": q if learnt else None} for loss, q in means]
+
+    def tensors(self, run: int) -> dict[str, Tensor]:
+        """Online and target weights and Adam's moments of one run, as views."""
+        first, last = run * self._networks_each, (run + 1) * self._networks_each
+        found = {
+            f"{half}.{part}.{name}": view
+            for half, networks in (("actor", self.actors), ("critic", self.critics))
+            for part, stacked in networks.parts().items()
+            for name, view in stacked.of_networks(first, last).items()
+        }
+        found["metric_sums"] = self._sums[:, run]
+        return found
+
+    def policy(self, run: int) -> dict[str, Tensor]:
+        """The actors' weights of one run, as views: [1 or N, inputs, outputs], [.., 1, outputs]."""
+        first = run * self._networks_each
+        return self.actors.online.of_networks(first, first + self._networks_each)
+
+    @property
+    def progress(self) -> tuple[int, int]:
+        """Counters that a checkpoint keeps: critic updates done, updates in the running means."""
+        return self.updates, self._summed
+
+    def resume_at(self, *counters: int) -> None:
+        """Set the counters of `progress` again."""
+        self.updates, self._summed = counters
+        self.critics.adam.resume_at(self.updates)
+        self.actors.adam.resume_at(-(-self.updates // self._critic_updates_each))
+
+    @property
+    def _critic_updates_each(self) -> int:
+        """Updates of the critic for each of the actor."""
+        return self.config.actor_update_every_env_steps // self.config.update_every_env_steps
+
+    def _improve_actor(self, own: Tensor, others: Tensor) -> None:
+        """Follow the policy gradient (l. 277): own action from the actor, the rest as replayed."""
+        numbers, actor_trace = self.actor.forward(self.actors.online, own)
+        action = numbers.tanh()  # [G, rows, A]
+        q, trace = self.critic.forward(self.critics.online, own, action, others)
+        descent = torch.full_like(q, -1.0 / q.shape[1])
+        grad_action = self.critic.action_gradient(self.critics.online, trace, descent)
+        grad_numbers = grad_action * (1.0 - action * action)
+        self.actor.backward(
+            self.actors.online, actor_trace, grad_numbers, self.actors.adam.gradient
+        )
+        self.actors.step()
+
+    def _mu(self, weights: Stacked, obs: Tensor) -> Tensor:
+        """Every agent's action, [R, B, N, A]; obs [R, B, N, O]."""
+        numbers, _ = self.actor.forward(weights, self._rows(obs.transpose(1, 2)))
+        split = numbers.view(self._runs, self._agents, obs.shape[1], -1)  # [R, N, B, A]
+        return split.transpose(1, 2).tanh()
+
+    def _seen(self, obs: Tensor, action: Tensor, keep: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+        """The critic's inputs: own o, own a and the others, [G, rows, ...].
+
+        obs: [R, B, N, O]; action: [R, B, N, A]; keep: [R, N, B, S, 1].
+        """
+        seen, acted = self._blocks(obs), self._blocks(action)
+        others = apply_keep(seen[..., 1:, :], keep).flatten(3)
+        their_actions = acted[..., 1:, :]
+        if self.config.masks_actions:
+            their_actions = apply_keep(their_actions, keep)
+        others = torch.cat((others, their_actions.flatten(3)), -1)  # [R, N, B, S*(O+A)]
+        return self._rows(seen[..., 0, :]), self._rows(acted[..., 0, :]), self._rows(others)
+
+    def _blocks(self, joint: Tensor) -> Tensor:
+        """What each agent's critic is shown, [R, N, B, 1+S, U]; joint [R, B, N, U]."""
+        blocks = joint.flatten(1, 2).index_select(1, self._order)
+        return blocks.view(self._runs, self._agents, self._size, 1 + self._senders, -1)
+
+    def _rows(self, each: Tensor) -> Tensor:
+        """Rows by network, [G, rows, U]; each [R, N, B, U]."""
+        rows = each.shape[:3].numel() // self._networks
+        return each.reshape(self._networks, rows, each.shape[-1])
+
+
+def _critic(config: Config, env: Environment) -> Critic:
+    observation, action, senders = env.observation_size, env.action_size, env.agents - 1
+    if config.network == "concat":
+        return ConcatCritic(observation, action, senders, (*config.f_units, config.h_units))
+    return FGHCritic(
+        observation,
+        action,
+        senders if config.network == "fgh" else 0,
+        own_units=config.f_units,
+        others_units=config.g_units,
+        joint_units=config.h_units,
+    )
