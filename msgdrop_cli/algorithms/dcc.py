@@ -13,13 +13,14 @@ Letters: `R` runs, `E` games, `N` agents, `G = R*N`, `B` batch, `S` senders, `O`
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any, Literal
 
 import torch
 from torch import Tensor
 
 from msgdrop_cli.algorithms.adam import Adam
+from msgdrop_cli.algorithms.cohort import shared_config, shown_agents
 from msgdrop_cli.algorithms.protocol import Batch
 from msgdrop_cli.errors import DefinitionError
 from msgdrop_cli.networks.fgh import FGH
@@ -126,9 +127,7 @@ class DCC:
     def __init__(
         self, configs: Sequence[Config], env: Environment, device: torch.device | str = "cpu"
     ) -> None:
-        self.config = config = configs[0]
-        if any(replace(each, rate=config.rate) != config for each in configs):
-            raise ValueError("the runs of a cohort may differ in rate only")
+        self.config = config = shared_config(configs)
         if env.actions == 0:
             raise DefinitionError("dcc picks one of several actions; this environment has none")
         self._runs, self._agents = len(configs), env.agents
@@ -145,7 +144,7 @@ class DCC:
         self.updates = 0
 
         senders, size = self.network.hears, config.batch_size
-        self.shown_agents = _shown_agents(self._agents, device)[:, : 1 + senders]
+        self.shown_agents = shown_agents(self._agents, senders, device)
         self.rate = torch.tensor([c.rate for c in configs], device=device)  # [R]
         self._scale = execution_scale(self.rate, senders, drops_own=config.drops_own)
         # For m and m': the binary mask over the first B rows, the scale of Q_exec over the rest;
@@ -292,9 +291,3 @@ def _network(config: Config, env: Environment) -> Network:
         message_units=config.g_units,
         joint_units=config.h_units,
     )
-
-
-def _shown_agents(agents: int, device: torch.device | str) -> Tensor:
-    """Row i: agent i, then all others in increasing order (the paper's m^i, l. 149): [N, N]."""
-    rows = [[i, *(j for j in range(agents) if j != i)] for i in range(agents)]
-    return torch.tensor(rows, device=device)

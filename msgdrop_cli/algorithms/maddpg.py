@@ -14,12 +14,13 @@ batch, `rows` N*B if shared, else B; `S` senders, `O` observation, `A` numbers o
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any, Literal
 
 import torch
 from torch import Tensor
 
+from msgdrop_cli.algorithms.cohort import shared_config, shown_agents
 from msgdrop_cli.algorithms.protocol import Batch
 from msgdrop_cli.algorithms.soft_target import SoftTarget
 from msgdrop_cli.errors import DefinitionError
@@ -116,9 +117,7 @@ class MADDPG:
     def __init__(
         self, configs: Sequence[Config], env: Environment, device: torch.device | str = "cpu"
     ) -> None:
-        self.config = config = configs[0]
-        if any(replace(each, rate=config.rate) != config for each in configs):
-            raise ValueError("the runs of a cohort may differ in rate only")
+        self.config = config = shared_config(configs)
         if env.action_size == 0:
             raise DefinitionError("maddpg acts by numbers; this environment has single actions")
         self._runs, self._agents, self._size = len(configs), env.agents, config.batch_size
@@ -133,8 +132,7 @@ class MADDPG:
         self.updates = 0
 
         self._senders = senders = self.critic.hears
-        others = [[i, *(j for j in range(env.agents) if j != i)] for i in range(env.agents)]
-        self.shown_agents = torch.tensor(others, device=device)[:, : 1 + senders]
+        self.shown_agents = shown_agents(env.agents, senders, device)
         self.rate = torch.tensor([c.rate for c in configs], device=device)  # [R]
         # Which of B*N joint rows stands where in [N, B, 1+S].
         sample = torch.arange(self._size, device=device)[:, None] * env.agents

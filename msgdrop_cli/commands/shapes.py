@@ -44,9 +44,7 @@ def run_sizes(run: PlannedRun, episodes: int) -> Sizes:
     """
     from torch import Tensor
 
-    from msgdrop_cli.algorithms.registry import learner_class
-    from msgdrop_cli.engine.replay import Replay
-    from msgdrop_envs import registry
+    from msgdrop_cli.engine.training import Training
 
     def held(*owners: object) -> int:
         parts = (part for owner in owners for part in vars(owner).values())
@@ -54,19 +52,8 @@ def run_sizes(run: PlannedRun, episodes: int) -> Sizes:
 
     config, training = run.spec.algorithm_config, run.spec.training
     with _on_no_device(run):
-        env = registry.make(run.spec.environment_config, "meta")
-        learner = learner_class(run.spec.algorithm)([config], env, "meta")
-        replay = Replay(
-            runs=1,
-            games=training.games,
-            agents=env.agents,
-            observation=env.observation_size,
-            dtype=env.observation_dtype,
-            capacity=config.replay_capacity,
-            time_limit=env.time_limit,
-            action_size=env.action_size,
-            device="meta",
-        )
+        built = Training([run.spec], "meta")
+        env, learner, replay = built.env, built.learner, built.replay
         parameters = sum(tensor.numel() for tensor in learner.policy(0).values())
         cut_episodes = replay.cut_episodes(0).nbytes
         memory = held(env, learner, replay) + 4 * _HELD_COPIES * parameters
