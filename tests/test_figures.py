@@ -49,7 +49,7 @@ def full_study(root: Path) -> list[RunRecord]:
 
 def test_a_full_study_gives_every_figure(tmp_path: Path) -> None:
     """Three kinds for one group, as PNG files named after it, and nothing else in the folder."""
-    paths = draw_all(full_study(tmp_path), tmp_path / "figures")
+    paths = draw_all(summarise(full_study(tmp_path)), tmp_path / "figures")
     assert [path.name for path in paths] == [
         "pursuit-n6-quick-1000-learning.png",
         "pursuit-n6-quick-1000-dropout-rate.png",
@@ -62,7 +62,7 @@ def test_a_full_study_gives_every_figure(tmp_path: Path) -> None:
 def test_same_records_same_bytes(tmp_path: Path) -> None:
     """Drawing again changes no published file."""
     records = full_study(tmp_path)
-    first, second = (draw_all(records, tmp_path / name) for name in ("one", "two"))
+    first, second = (draw_all(summarise(records), tmp_path / name) for name in ("one", "two"))
     assert [path.read_bytes() for path in first] == [path.read_bytes() for path in second]
 
 
@@ -72,14 +72,14 @@ def test_only_what_the_records_allow_is_drawn(tmp_path: Path) -> None:
         write_run(tmp_path, name, 1, catches={0.0: 3}, algorithm={"rate": rate})
         for name, rate in (("dcc", 0.0), ("md-0.2", 0.2))
     ]
-    paths = draw_all(records, tmp_path / "figures")
+    paths = draw_all(summarise(records), tmp_path / "figures")
     assert [path.name for path in paths] == ["pursuit-n6-quick-1000-learning.png"]
 
 
 def test_nothing_done_nothing_drawn(tmp_path: Path) -> None:
     """Unfinished runs give no figure and no folder."""
     records = write_arm(tmp_path, "dcc", [1, 2], status="running")
-    assert draw_all(records, tmp_path / "figures") == []
+    assert draw_all(summarise(records), tmp_path / "figures") == []
     assert not (tmp_path / "figures").exists()
 
 
@@ -142,6 +142,13 @@ def test_a_variant_has_one_look() -> None:
     assert len({look(name).colour for name in names}) == len(names)
 
 
+def test_the_critics_of_waterworld_look_like_their_relatives() -> None:
+    """DDPG like FDC, MADDPG like DCC, its dropout like DCC-MD's; the four differ."""
+    pairs = {"ddpg": "fdc", "maddpg": "dcc", "maddpg-md-0.2": "md-0.2", "maddpg-md-0.5": "md-0.5"}
+    assert all(look(one) == look(other) for one, other in pairs.items())
+    assert len({look(name).colour for name in (*pairs, "vanilla-maddpg")}) == 5
+
+
 def test_labels_are_spread_as_little_as_needed() -> None:
     """Two that touch move apart by the same amount; a far one stays."""
     assert spread([5.0, 1.0, 1.5], 1.0) == pytest.approx([5.0, 0.75, 1.75])
@@ -150,7 +157,7 @@ def test_labels_are_spread_as_little_as_needed() -> None:
 def test_a_full_disk_leaves_the_old_figure(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A write that fails is exit code 74, with the old file intact and nothing temporary left."""
     records, out = full_study(tmp_path), tmp_path / "figures"
-    paths = draw_all(records, out)
+    paths = draw_all(summarise(records), out)
     old = paths[0].read_bytes()
 
     def full(descriptor: int) -> None:
@@ -158,7 +165,7 @@ def test_a_full_disk_leaves_the_old_figure(tmp_path: Path, monkeypatch: pytest.M
 
     monkeypatch.setattr("os.fsync", full)
     with pytest.raises(RecordError, match="No space left") as caught:
-        draw_all(records[:2], out)
+        draw_all(summarise(records[:2]), out)
     assert caught.value.exit_code == 74
     assert paths[0].read_bytes() == old
     assert sorted(out.iterdir()) == sorted(paths)
@@ -167,10 +174,10 @@ def test_a_full_disk_leaves_the_old_figure(tmp_path: Path, monkeypatch: pytest.M
 def test_a_reader_never_sees_half_a_figure(tmp_path: Path) -> None:
     """Who has the old file open goes on reading the old one."""
     records, out = full_study(tmp_path), tmp_path / "figures"
-    path = draw_all(records, out)[0]
+    path = draw_all(summarise(records), out)[0]
     old = path.read_bytes()
     with path.open("rb") as reader:
-        draw_all(records[:2], out)
+        draw_all(summarise(records[:2]), out)
         assert reader.read() == old
     assert path.read_bytes() != old
 
@@ -179,7 +186,7 @@ def test_a_file_in_the_way_is_refused(tmp_path: Path) -> None:
     """An output folder that is a file cannot be created: exit code 73."""
     (tmp_path / "figures").write_text("mine")
     with pytest.raises(RecordError) as caught:
-        draw_all(full_study(tmp_path), tmp_path / "figures")
+        draw_all(summarise(full_study(tmp_path)), tmp_path / "figures")
     assert caught.value.exit_code == 73
 
 

@@ -24,7 +24,7 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
-from msgdrop_envs.protocol import Metric, Transition
+from msgdrop_envs.protocol import Metric, Reference, Transition
 
 if TYPE_CHECKING:
     from msgdrop_envs.navigation_view import NavigationView
@@ -170,6 +170,12 @@ class Navigation:
         Returns [..., N, 4 + 2L + 2(N-1)] float32.
         """
         return self._observation(state, self._to_others(state), self._to_landmarks(state))
+
+    def references(self) -> Mapping[str, Reference]:
+        """Policies that learn nothing, by name."""
+        from msgdrop_envs.navigation_references import references  # it imports this module
+
+        return references(self)
 
     def view(self) -> "NavigationView":
         """How one game is named, written down and drawn (`parallel.py` asks)."""

@@ -3,7 +3,7 @@
 Letters: `...` any leading batch dimensions (runs, parallel games), `N` agents, `O` observation.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, Literal, NamedTuple, Protocol
 
@@ -44,6 +44,14 @@ class Metric:
     meaning: str
 
 
+class Reference(NamedTuple):
+    """A policy that learns nothing and may see everything: a line that a learner has to cross."""
+
+    act: Callable[[Any, Tensor], Tensor]
+    """(State, uniforms [..., N, max(1, action_size)]) to actions, as `Environment.step` takes."""
+    meaning: str
+
+
 class Environment(Protocol):
     """One game's rules for any number of games at once."""
 
@@ -77,3 +85,15 @@ class Environment(Protocol):
 
     def observe(self, state: Any) -> Tensor:
         """What each agent sees, [..., N, O]."""
+
+    def references(self) -> Mapping[str, Reference]:
+        """Random play, doing nothing, and a scripted policy, by name."""
+
+
+def random_play(env: Environment) -> Reference:
+    """Every agent anything, at every step."""
+    if env.action_size:
+        return Reference(lambda state, uniforms: 2.0 * uniforms - 1.0, "any push, every step")
+    return Reference(
+        lambda state, uniforms: (uniforms[..., 0] * env.actions).long(), "any action, every step"
+    )

@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING
 import torch
 from torch import Tensor
 
-from msgdrop_envs.protocol import Metric, Transition
+from msgdrop_envs.protocol import Metric, Reference, Transition
 
 if TYPE_CHECKING:
     from msgdrop_envs.pursuit_view import PursuitView
@@ -169,6 +169,12 @@ class Pursuit:
         slot = away[..., 0] * self._window + away[..., 1] + self._slots
         slot.mul_(seen)  # the unseen add 0 to slot 0
         return obs.scatter_add_(-1, slot, seen.to(torch.uint8))
+
+    def references(self) -> Mapping[str, Reference]:
+        """Policies that learn nothing, by name."""
+        from msgdrop_envs.pursuit_references import references  # it imports this module
+
+        return references(self)
 
     def view(self) -> "PursuitView":
         """How one game is named, written down and drawn (`parallel.py` asks)."""

@@ -26,7 +26,7 @@ from typing import TYPE_CHECKING, Literal
 import torch
 from torch import Tensor
 
-from msgdrop_envs.protocol import Metric, Transition
+from msgdrop_envs.protocol import Metric, Reference, Transition
 from msgdrop_envs.waterworld_places import outside
 from msgdrop_envs.waterworld_sensors import Sensors
 
@@ -240,6 +240,12 @@ class Waterworld:
         touch, _, _ = self._contacts(positions)
         obs = self._sensors.read(positions, velocities, touch)
         return obs.view(*state.positions.shape[:-2], self.agents, self.observation_size)
+
+    def references(self) -> Mapping[str, Reference]:
+        """Policies that learn nothing, by name."""
+        from msgdrop_envs.waterworld_references import references  # it imports this module
+
+        return references(self)
 
     def view(self) -> "WaterworldView":
         """How one game is named, written down and drawn (`parallel.py` asks)."""

@@ -9,6 +9,7 @@ import json
 from collections import defaultdict
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields
+from types import MappingProxyType
 from typing import Any, NamedTuple
 
 from msgdrop_cli.analysis.metrics import UNKNOWN, Metric, Metrics, metrics_of
@@ -21,6 +22,7 @@ from msgdrop_cli.analysis.statistics import (
 )
 from msgdrop_cli.definition.spec import TrainingSpec
 from msgdrop_cli.errors import RecordError
+from msgdrop_cli.records.references import References, game_key
 from msgdrop_cli.records.store import EPISODES, RunRecord
 
 BOOTSTRAP_SEED = 20190127
@@ -86,6 +88,8 @@ class Summary:
 
     arms: tuple[Arm, ...]
     bootstrap_seed: int
+    references: Mapping[str, References]
+    """What policies that learn nothing get, by `game_key`."""
 
     @property
     def groups(self) -> tuple[Group, ...]:
@@ -101,6 +105,11 @@ class Summary:
         """The arms that may be compared with each other."""
         return tuple(arm for arm in self.arms if arm.group == group)
 
+    def references_of(self, group: Group) -> References | None:
+        """The reference policies of a group's game; None if its arms play by different rules."""
+        games = {game_key(arm.setup["environment"]) for arm in self.arms_of(group)}
+        return self.references.get(games.pop()) if len(games) == 1 else None
+
     def to_json(self) -> list[dict[str, Any]]:
         """One flat, JSON-ready table: a line per arm, broken links and metric (`--json`)."""
         return [line for arm in self.arms for line in _json_lines(arm)]
@@ -110,12 +119,14 @@ def summarise(
     records: Sequence[RunRecord],
     *,
     order: Sequence[str] = (),
+    references: Mapping[str, References] = MappingProxyType({}),
     bootstrap_seed: int = BOOTSTRAP_SEED,
 ) -> Summary:
     """Sort runs into arms and measure them.
 
-    order: variants to put first, in this order; the rest follows by name. A run that is in the
-    records twice (published and local) counts once. Raises RecordError for unreadable rows.
+    order: variants to put first, in this order; the rest follows by name. references: what is
+    known of the games, by `game_key`. A run that is in the records twice (published and local)
+    counts once. Raises RecordError for unreadable rows.
     """
     runs: dict[tuple[Group, str, str], list[RunRecord]] = defaultdict(list)
     for record in _once_each(records):
@@ -129,7 +140,7 @@ def summarise(
         _arm(key[0], runs[key], _differences(key[2], setups[key[:2]]), bootstrap_seed)
         for key in keys
     )
-    return Summary(arms=tuple(arms), bootstrap_seed=bootstrap_seed)
+    return Summary(arms=tuple(arms), bootstrap_seed=bootstrap_seed, references=references)
 
 
 def _once_each(records: Iterable[RunRecord]) -> list[RunRecord]:

@@ -37,6 +37,7 @@ def measure(
         if records or as_json:
             report(
                 records,
+                results,
                 broken_links=broken_links,
                 claims=_judgeable(question, records) if question else (),
                 order=tuple(question.variants) if question else (),

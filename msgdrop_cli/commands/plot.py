@@ -17,10 +17,14 @@ def plot(results: options.Folder = Path("results"), json: options.Json = False) 
 
     RESULTS is a folder (default: results); the figures go to RESULTS/figures.
     """
+    from msgdrop_cli.analysis.summary import summarise
+    from msgdrop_cli.commands.references import references_of
     from msgdrop_cli.commands.reporting import FIGURES
     from msgdrop_cli.report.figures import draw_all
 
-    paths = draw_all(list_runs(results), results / FIGURES)
+    records = list_runs(results)
+    summary = summarise(records, references=references_of(records, results))
+    paths = draw_all(summary, results / FIGURES)
     if json:
         console.result_json([str(path) for path in paths])
         return 0

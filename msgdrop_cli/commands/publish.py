@@ -34,6 +34,7 @@ def publish(
     from msgdrop_cli.analysis.claims import judge_claims
     from msgdrop_cli.analysis.summary import summarise
     from msgdrop_cli.commands.estimate import survey
+    from msgdrop_cli.commands.references import references_of
     from msgdrop_cli.commands.training import as_planned
     from msgdrop_cli.engine.catalogue import catalogue
     from msgdrop_cli.report.figures import draw_all
@@ -57,10 +58,10 @@ def publish(
     folder = to / f"{definition.name}-{profile}"
     copies = copy(records, folder)
     order = tuple(definition.variants)
-    summary = summarise(records, order=order)
+    summary = summarise(records, order=order, references=references_of(records, folder))
     text = tables(summary, judge_claims(asked.claims, summary))
     write_atomic(folder / "TABLES.md", text.encode())
-    drawn = draw_all(records, folder / "figures", order=order)
+    drawn = draw_all(summary, folder / "figures")
     _show({"runs": copies, "tables": [folder / "TABLES.md"], "figures": drawn}, as_json=json)
     return 0
 

@@ -1,6 +1,7 @@
 """Shows what records say: tables, verdicts on claims, figures; as text or as one JSON document."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -8,6 +9,7 @@ from msgdrop_cli.analysis.claims import Verdict, judge_claims
 from msgdrop_cli.analysis.summary import summarise
 from msgdrop_cli.commands import console
 from msgdrop_cli.commands.evaluating import only
+from msgdrop_cli.commands.references import references_of
 from msgdrop_cli.definition.spec import Claim
 from msgdrop_cli.records.store import RunRecord
 from msgdrop_cli.report.figures import draw_all
@@ -21,6 +23,7 @@ _TEXT_COLUMNS = 2
 
 def report(
     records: Sequence[RunRecord],
+    root: Path,
     *,
     broken_links: Sequence[float],
     claims: Sequence[Claim] = (),
@@ -31,17 +34,20 @@ def report(
 ) -> None:
     """Show one table per group of comparable runs, the claims' verdicts, and the figures' paths.
 
-    With several fractions of broken links a second table stands them side by side.
+    With several fractions of broken links a second table stands them side by side. Reference
+    policies are looked for, and kept, in the results folder `root`.
     Raises RecordError: rows that cannot be read, or figures that cannot be written (73, 74).
     """
-    summary = only(summarise(records, order=order), broken_links)
+    everything = summarise(records, order=order, references=references_of(records, root))
+    summary = only(everything, broken_links)
     verdicts = judge_claims(claims, summary)
-    drawn = draw_all(records, figures, order=order) if figures else []
+    drawn = draw_all(everything, figures) if figures else []
     if as_json:
         console.result_json(
             {
                 **(about or {}),
                 "results": summary.to_json(),
+                "references": {key: asdict(each) for key, each in summary.references.items()},
                 "claims": [_verdict_json(verdict) for verdict in verdicts],
                 "figures": [str(path) for path in drawn],
             }

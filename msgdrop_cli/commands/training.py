@@ -141,6 +141,7 @@ def _report(asked: Plan, options: TrainOptions, outcomes: Sequence[Outcome]) -> 
         if records or options.json:
             report(
                 records,
+                options.results,
                 claims=asked.claims,
                 order=tuple(asked.definition.variants),
                 broken_links=asked.broken_links,

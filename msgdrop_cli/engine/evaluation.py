@@ -13,7 +13,6 @@ from typing import Any
 import torch
 from torch import Tensor
 
-from msgdrop_cli.algorithms.protocol import Learner
 from msgdrop_cli.algorithms.registry import learner_class
 from msgdrop_cli.definition.run_id import spec_from_dict
 from msgdrop_cli.definition.spec import RunSpec
@@ -55,8 +54,12 @@ def evaluate(
     streams = Streams([spec.seed], device)
     numbers = streams.uniforms("links", episodes, link_count(env.agents) + 1)
     keep = break_links(numbers, broken_links, env.agents) if broken_links > 0 else None
+
+    def act(games: autoreset.Games, playing: Tensor) -> Tensor:
+        return learner.act_greedily(games.obs, None if keep is None else keep[:, playing])
+
     with torch.no_grad():
-        table = _play(env, learner, streams, keep, episodes, stop)
+        table = play_episodes(env, act, streams, episodes, stop)
     if table is None:
         return []
     return [_row(env, broken_links, n, values) for n, values in enumerate(table.tolist())]
@@ -97,15 +100,19 @@ def _spec_of(run_path: Path) -> RunSpec:
         raise RecordError(str(error)) from error
 
 
-def _play(
+def play_episodes(
     env: Environment,
-    learner: Learner,
+    act: Callable[[autoreset.Games, Tensor], Tensor],
     streams: Streams,
-    keep: Tensor | None,
     episodes: int,
-    stop: Callable[[], bool],
+    stop: Callable[[], bool] = lambda: False,
 ) -> Tensor | None:
-    """[episodes, 3 + counts]: steps, finished, return and the environment's counts of each."""
+    """Play whole episodes, each in a game of its own; None if `stop` said so.
+
+    act: the games still in play [1, E, ...] and which episodes [E] they are, to actions
+    [1, E, N, ...]. Returns [episodes, 3 + counts]: steps, finished, return and the environment's
+    counts of each.
+    """
     looked_up = time.monotonic()
     games = autoreset.start(
         env,
@@ -119,7 +126,7 @@ def _play(
             looked_up = time.monotonic()
             if stop():
                 return None
-        actions = learner.act_greedily(games.obs, keep)
+        actions = act(games, playing)
         uniforms = streams.uniforms("evaluate", episodes, env.step_uniforms)[:, playing]
         games, transition = autoreset.play(env, games, actions, uniforms)
         ended = transition.ended[0]
@@ -130,7 +137,6 @@ def _play(
         if ended.any():
             on = ~ended
             games, playing = autoreset.take(games, on), playing[on]
-            keep = None if keep is None else keep[:, on]
     return table
 
 

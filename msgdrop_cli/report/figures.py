@@ -15,9 +15,9 @@ from typing import TYPE_CHECKING
 
 from msgdrop_cli.analysis.curves import SMOOTHING_SHARE, Curve, learning_curve
 from msgdrop_cli.analysis.metrics import Metric
-from msgdrop_cli.analysis.summary import Arm, Group, Row, Summary, summarise
-from msgdrop_cli.records.store import RunRecord
+from msgdrop_cli.analysis.summary import Arm, Group, Row, Summary
 from msgdrop_cli.report.captions import footer, scale, spread_note
+from msgdrop_cli.report.reference_lines import reference_lines
 from msgdrop_cli.report.style import DPI, INK, QUIET, canvas, look, spread, tint
 from msgdrop_cli.report.table import links_text
 from msgdrop_cli.report.write import write_atomic
@@ -30,12 +30,11 @@ MINIMUM_RATES = 3
 """Fewer dropout rates make no curve."""
 
 
-def draw_all(records: Sequence[RunRecord], out: Path, *, order: Sequence[str] = ()) -> list[Path]:
+def draw_all(summary: Summary, out: Path) -> list[Path]:
     """Draw what the done runs allow; the files are `<environment>-<profile>-<steps>-<kind>.png`.
 
-    order: as in `summarise`. Raises RecordError: rows that cannot be read, `out` not writable.
+    Raises RecordError: rows that cannot be read, `out` not writable.
     """
-    summary = summarise(records, order=order)
     kinds = {
         "learning": draw_learning,
         "dropout-rate": draw_dropout_rate,
@@ -62,13 +61,16 @@ def draw_learning(summary: Summary, group: Group) -> "Figure | None":
             curves.append((arm, curve))
     if not curves:
         return None
+    values = [value for _, curve in curves for seed in curve.by_seed.values() for value in seed]
+    lines = reference_lines(summary, group, metric, values)
     below = footer(
         summary,
         group,
         [arm for arm, _ in curves],
         f"{metric.label} = {metric.formula}; of the exploring policy, in windows of training, "
         f"centred moving mean over {SMOOTHING_SHARE:.0%} of the run. "
-        + spread_note({len(curve.by_seed) for _, curve in curves}, "line", "band"),
+        + spread_note({len(curve.by_seed) for _, curve in curves}, "line", "band")
+        + lines.note,
     )
     figure, axes = canvas(f"Learning, {scale(group)}", below, right=1.75)
     for arm, curve in curves:
@@ -85,10 +87,9 @@ def draw_learning(summary: Summary, group: Group) -> "Figure | None":
                 linewidth=0,
             )
     _env_steps_axis(axes, group.train_env_steps)
-    values = [value for _, curve in curves for seed in curve.by_seed.values() for value in seed]
     _measure_axis(axes, metric, values)
     ends = [(arm.label, curve.mean[-1], look(arm.variant).colour) for arm, curve in curves]
-    _label_ends(axes, ends)
+    _label_ends(axes, [*ends, *lines.draw(axes)])
     return figure
 
 
@@ -105,15 +106,18 @@ def draw_dropout_rate(summary: Summary, group: Group) -> "Figure | None":
     apart = [rates[-1] + 1.5 * step * (rank + 1) for rank in range(len(without))]
     drawn = [arm for _, arm in series] + without
     rows = [row for arm in drawn if (row := arm.row(metric.name))]
+    values = [value for row in rows for value in row.by_seed.values()]
+    lines = reference_lines(summary, group, metric, values)
     below = footer(
         summary,
         group,
         drawn,
         f"{metric.label} = {metric.formula}; greedy evaluation after training. "
         + spread_note({len(row.by_seed) for row in rows}, "point", "bar")
-        + " Small dots: seeds. Rate 0 is DCC.",
+        + " Small dots: seeds. Rate 0 is DCC."
+        + lines.note,
     )
-    figure, axes = canvas(f"After training, {scale(group)}", below)
+    figure, axes = canvas(f"After training, {scale(group)}", below, right=1.0)
     means = [row.mean for row in rows[: len(rates)]]
     axes.plot(rates, means, color="#BBBBBB", linewidth=1.2, zorder=1)
     for place, arm, row in zip(rates + apart, drawn, rows, strict=True):
@@ -122,7 +126,8 @@ def draw_dropout_rate(summary: Summary, group: Group) -> "Figure | None":
         axes.scatter([place], [row.mean], s=48, color=colour, zorder=4, edgecolor="white")
     axes.set_xticks(rates + apart, [f"{rate:g}" for rate in rates] + [arm.label for arm in without])
     axes.set_xlabel("rate of message dropout in training", fontsize=9.5, color=INK)
-    _measure_axis(axes, metric, [value for row in rows for value in row.by_seed.values()])
+    _measure_axis(axes, metric, values)
+    _label_ends(axes, lines.draw(axes))
     return figure
 
 
@@ -133,6 +138,14 @@ def draw_broken_links(summary: Summary, group: Group) -> "Figure | None":
     fractions = sorted({row.broken_links for arm in arms for row in arm.rows})
     if len(fractions) < 2:
         return None
+    values = [
+        value
+        for arm in arms
+        for row in arm.rows
+        if row.metric == metric.name
+        for value in row.by_seed.values()
+    ]
+    lines = reference_lines(summary, group, metric, values)
     below = footer(
         summary,
         group,
@@ -140,11 +153,12 @@ def draw_broken_links(summary: Summary, group: Group) -> "Figure | None":
         f"{metric.label} = {metric.formula}; greedy evaluation after training, "
         "the same policies with part of the links broken. "
         + spread_note({len(row.by_seed) for arm in arms for row in arm.rows}, "bar", "line")
-        + " Dots: seeds.",
+        + " Dots: seeds."
+        + lines.note,
     )
-    bars = len(arms) * len(fractions)
-    figure, axes = canvas(f"Broken links, {scale(group)}", below, width=max(7.5, 0.47 * bars))
-    ticks, names, values = [], [], []
+    width = max(7.5, 0.47 * len(arms) * len(fractions))
+    figure, axes = canvas(f"Broken links, {scale(group)}", below, width=width, right=1.0)
+    ticks, names = [], []
     for rank, arm in enumerate(arms):
         for column, fraction in enumerate(fractions):
             place = rank * (len(fractions) + 0.9) + column
@@ -157,12 +171,12 @@ def draw_broken_links(summary: Summary, group: Group) -> "Figure | None":
             shade = tint(colour, 1.0 - 0.72 * column / (len(fractions) - 1))
             axes.bar(place, row.mean, 0.86, color=shade, edgecolor=colour, linewidth=0.8)
             _spread_marks(axes, place, row, INK, width=0.3)
-            values += list(row.by_seed.values())
         middle = rank * (len(fractions) + 0.9) + (len(fractions) - 1) / 2.0
         _name_below(axes, middle, arm.label)
     axes.set_xticks(ticks, names, fontsize=8, color=QUIET)
     axes.tick_params(axis="x", length=0)
     _measure_axis(axes, metric, values)
+    _label_ends(axes, lines.draw(axes))
     return figure
 
 

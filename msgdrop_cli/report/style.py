@@ -18,16 +18,17 @@ INK = "#222222"
 QUIET = "#666666"
 _GREEN, _SKY, _PURPLE, _BLACK = "#009E73", "#56B4E9", "#CC79A7", "#000000"
 _FAMILIES = (
-    (r"fdc", "#8A8A8A"),
-    (r"dcc", "#0072B2"),
+    (r"fdc|ddpg", "#8A8A8A"),
+    (r"dcc|maddpg", "#0072B2"),
+    (r"vanilla-maddpg", _SKY),
     (r"full-md.*", _SKY),
     (r"full-sd.*", _BLACK),
     (r"sd-.*", _PURPLE),
-    (r"md-0?\.1", "#F0C060"),
-    (r"md-0?\.2", "#E69F00"),
-    (r"md-0?\.3", "#D55E00"),
-    (r"md-0?\.4", "#66C7AC"),
-    (r"md-.*", _GREEN),
+    (r"(maddpg-)?md-0?\.1", "#F0C060"),
+    (r"(maddpg-)?md-0?\.2", "#E69F00"),
+    (r"(maddpg-)?md-0?\.3", "#D55E00"),
+    (r"(maddpg-)?md-0?\.4", "#66C7AC"),
+    (r"(maddpg-)?md-.*", _GREEN),
 )
 _OTHERS = (_GREEN, _SKY, _PURPLE, _BLACK)
 

@@ -11,6 +11,7 @@ from msgdrop_cli.analysis.claims import MINIMUM_SEEDS, Verdict
 from msgdrop_cli.analysis.metrics import Metric
 from msgdrop_cli.analysis.statistics import Interval
 from msgdrop_cli.analysis.summary import Arm, Group, Row, Summary
+from msgdrop_cli.records.references import References
 
 NOTHING = "\u2013"
 
@@ -40,6 +41,10 @@ def results_table(summary: Summary, group: Group, broken_links: float = 0.0) -> 
         )
         for arm in arms
     ]
+    references = summary.references_of(group)
+    rows += _reference_rows(
+        references, [metrics.headline.name, None, *(each.name for each in others)]
+    )
     episodes = {
         row.episodes for arm in arms for row in arm.rows if row.broken_links == broken_links
     }
@@ -59,7 +64,8 @@ def results_table(summary: Summary, group: Group, broken_links: float = 0.0) -> 
             *(each.label for each in others),
         ),
         rows=tuple(rows),
-        caption=f"{_about(group)}; {evaluation}. {_headline_note(metrics.headline)}",
+        caption=f"{_about(group)}; {evaluation}. {_headline_note(metrics.headline)}"
+        + _references_note(references),
     )
 
 
@@ -76,11 +82,14 @@ def broken_links_table(summary: Summary, group: Group) -> Table:
         )
         for arm in arms
     ]
+    references = summary.references_of(group)
+    rows += _reference_rows(references, [headline.name] * len(fractions))
     return Table(
         title=f"Broken links, {group.environment} ({group.profile})",
         headers=("variant", "seeds", *(f"{links_text(each)} broken" for each in fractions)),
         rows=tuple(rows),
-        caption=f"{headline.label} [95% interval]; {_about(group)}. {_headline_note(headline)}",
+        caption=f"{headline.label} [95% interval]; {_about(group)}. {_headline_note(headline)}"
+        + _references_note(references),
     )
 
 
@@ -142,6 +151,37 @@ def _interval(verdict: Verdict) -> Interval | None:
     if verdict.low is None or verdict.high is None:
         return None
     return Interval(verdict.low, verdict.high)
+
+
+def reference_label(name: str) -> str:
+    """What tables and figures call a reference policy."""
+    return f"({name})"
+
+
+def _reference_rows(
+    references: References | None, columns: Sequence[str | None]
+) -> list[tuple[str, ...]]:
+    """A row for each policy: its name, no seeds, and for each column its metric (None: a dash)."""
+    policies = references.policies if references else {}
+    rows = []
+    for name, policy in policies.items():
+        values = [policy.metrics.get(metric) if metric else None for metric in columns]
+        cells = (NOTHING if value is None else _number(value) for value in values)
+        rows.append((reference_label(name), NOTHING, *cells))
+    return rows
+
+
+def _references_note(references: References | None) -> str:
+    """Who the reference policies are."""
+    if references is None:
+        return ""
+    who = "; ".join(
+        f"{reference_label(name)} {policy.meaning}" for name, policy in references.policies.items()
+    )
+    return (
+        " In brackets policies that learn nothing and use no links, "
+        f"{references.episodes} episodes each: {who}."
+    )
 
 
 def _estimate(row: Row | None) -> str:

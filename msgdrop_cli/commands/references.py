@@ -1,0 +1,46 @@
+"""Finds what reference policies get in the games of some runs, and plays them where it is new."""
+
+from collections.abc import Sequence
+from contextlib import suppress
+from pathlib import Path
+
+from msgdrop_cli.commands import console
+from msgdrop_cli.errors import DefinitionError, RecordError
+from msgdrop_cli.records.references import (
+    References,
+    find_references,
+    game_key,
+    keep_references,
+    read_references,
+)
+from msgdrop_cli.records.store import RUN, RunRecord
+
+
+def references_of(records: Sequence[RunRecord], root: Path) -> dict[str, References]:
+    """The reference policies of every game among finished runs, by `game_key`.
+
+    They are looked for below `root`, a results folder, and kept there if it can be written to.
+    A game that this program does not know has none. Raises RecordError for a damaged file.
+    """
+    found: dict[str, References] = {}
+    for record in records:
+        game = record.spec.get("environment")
+        if record.status != "done" or not isinstance(game, dict) or game_key(game) in found:
+            continue
+        references = find_references(root, game_key(game)) or _played(record, root)
+        if references is not None:
+            found[game_key(game)] = references
+    return found
+
+
+def _played(record: RunRecord, root: Path) -> References | None:
+    from msgdrop_cli.engine.references import play_references
+
+    console.note(f"playing the reference policies of {record.environment}")
+    try:
+        table = play_references(record.spec, str(record.path / RUN))
+    except DefinitionError:
+        return None
+    with suppress(RecordError):  # a folder that is not ours: they are played again next time
+        keep_references(root, game_key(record.spec["environment"]), table)
+    return read_references(table, "references")

@@ -1,0 +1,49 @@
+"""What policies that learn nothing get in a game: the lines that a learner has to cross."""
+
+from typing import Any
+
+import torch
+from torch import Tensor
+
+from msgdrop_cli.definition.run_id import spec_from_dict
+from msgdrop_cli.engine.catalogue import catalogue
+from msgdrop_cli.engine.evaluation import play_episodes
+from msgdrop_cli.engine.facts import commit
+from msgdrop_cli.engine.randomness import Streams
+from msgdrop_cli.engine.training import ratio
+from msgdrop_envs import autoreset, registry
+from msgdrop_envs.protocol import Environment, Reference
+
+EPISODES = 200
+"""Of each policy; they start as the evaluation of a run with this seed does."""
+SEED = 1
+
+
+def play_references(spec: dict[str, Any], where: str) -> dict[str, Any]:
+    """Play every reference policy of the game of a run's spec.
+
+    Returns what `records.references` keeps: episodes, seed, commit and, by the policies' names,
+    their meaning and the environment's metrics. Raises DefinitionError, naming `where`, for a
+    spec that cannot be read.
+    """
+    env = registry.make(spec_from_dict(spec, catalogue(), where).environment_config)
+    policies = {
+        name: {"meaning": reference.meaning, "metrics": _play(env, reference)}
+        for name, reference in env.references().items()
+    }
+    return {"episodes": EPISODES, "seed": SEED, "commit": commit(), "policies": policies}
+
+
+def _play(env: Environment, reference: Reference) -> dict[str, float | None]:
+    streams = Streams([SEED])
+    shape = (EPISODES, env.agents, max(1, env.action_size))
+
+    def act(games: autoreset.Games, playing: Tensor) -> Tensor:
+        return reference.act(games.state, streams.uniforms("explore", *shape)[:, playing])
+
+    with torch.no_grad():
+        table = play_episodes(env, act, streams, EPISODES)
+    assert table is not None  # nobody stops it
+    names = ("steps", "finished", "return", *env.counts)
+    sums = dict(zip(names, table.sum(0).tolist(), strict=True)) | {"episodes": float(EPISODES)}
+    return {name: ratio(metric, sums) for name, metric in env.metrics.items()}

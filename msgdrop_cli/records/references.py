@@ -1,0 +1,71 @@
+"""What reference policies get in a game: `references/<environment>-<id>.json`, played once.
+
+The id is of the environment's settings, so a game with other rules has numbers of its own.
+"""
+
+import hashlib
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from msgdrop_cli.definition.strict import Where, build, one_line
+from msgdrop_cli.errors import DefinitionError, RecordError
+from msgdrop_cli.records.files import CANNOT_CREATE, read_json, write_json_atomic
+
+REFERENCES = "references"
+"""The folder of these files in a results folder."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Policy:
+    """One policy that learns nothing."""
+
+    meaning: str
+    metrics: Mapping[str, float | None]
+    """The environment's metrics by name; None where there was nothing to divide by."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class References:
+    """The reference policies of one game."""
+
+    episodes: int
+    """Episodes of each policy."""
+    seed: int
+    commit: str | None
+    policies: Mapping[str, Policy]
+
+
+def game_key(environment: Mapping[str, Any]) -> str:
+    """The name of a game and an id of its settings; `environment` is that table of a spec."""
+    text = json.dumps(environment, sort_keys=True, separators=(",", ":"))
+    return f"{environment.get('name')}-{hashlib.sha256(text.encode()).hexdigest()[:8]}"
+
+
+def find_references(root: Path, key: str) -> References | None:
+    """What is kept for a game in or below `root`, or None. Raises RecordError if it is damaged."""
+    for file in sorted(root.rglob(f"{REFERENCES}/{key}.json")):
+        return read_references(read_json(file), str(file))
+    return None
+
+
+def read_references(table: Any, where: str) -> References:
+    """Check what `engine.references.play_references` made; RecordError, naming `where`."""
+    try:
+        return build(References, table, Where(where))
+    except DefinitionError as error:
+        raise RecordError(f"{error}; delete it, it is made again") from error
+
+
+def keep_references(root: Path, key: str, table: Mapping[str, Any]) -> Path:
+    """Write them down for the next time. Raises RecordError (73, 74)."""
+    folder = root / REFERENCES
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        message = one_line(f"{folder}: cannot be created: {error.strerror}")
+        raise RecordError(message, CANNOT_CREATE) from error
+    write_json_atomic(folder / f"{key}.json", table)
+    return folder / f"{key}.json"
