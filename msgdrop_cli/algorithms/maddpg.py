@@ -26,6 +26,7 @@ from msgdrop_cli.algorithms.soft_target import SoftTarget
 from msgdrop_cli.errors import DefinitionError
 from msgdrop_cli.networks.critic import ConcatCritic, Critic, FGHCritic
 from msgdrop_cli.networks.perceptron import Perceptron
+from msgdrop_cli.networks.shared_others import Blocks, SharedOthers
 from msgdrop_cli.networks.stacked import Stacked, parameter_count
 from msgdrop_cli.ops.exploration import noisy_action, random_action
 from msgdrop_cli.ops.message_dropout import apply_keep, keep_mask
@@ -134,9 +135,6 @@ class MADDPG:
         self._senders = senders = self.critic.hears
         self.shown_agents = shown_agents(env.agents, senders, device)
         self.rate = torch.tensor([c.rate for c in configs], device=device)  # [R]
-        # Which of B*N joint rows stands where in [N, B, 1+S].
-        sample = torch.arange(self._size, device=device)[:, None] * env.agents
-        self._order = (sample + self.shown_agents[:, None]).flatten()
         self.init_uniforms = self._networks_each * sum(
             parameter_count(network.layers) for network in (self.actor, self.critic)
         )
@@ -175,14 +173,14 @@ class MADDPG:
         """
         obs, next_obs = batch.obs[:, : self._size], batch.obs[:, self._size :]  # [R, B, N, O]
         shape = (self._runs, self._agents, self._size, self._senders, 1)
-        keep = keep_mask(uniforms.view(shape), self.rate)  # for x and x' alike (l. 274)
+        keep = keep_mask(uniforms.view(shape), self.rate).transpose(1, 2)  # x and x' (l. 274)
         own, action, others = self._seen(obs, batch.action, keep)
         next_action = self._mu(self.actors.target, next_obs)
         next_q, _ = self.critic.forward(
             self.critics.target, *self._seen(next_obs, next_action, keep)
         )
-        reward = self._rows(batch.reward.transpose(1, 2)[..., None])  # [G, rows, 1]
-        discount = batch.discount[:, None].expand(-1, self._agents, -1)  # [R, N, B]
+        reward = self._rows(batch.reward[..., None])  # [G, rows, 1]
+        discount = batch.discount[..., None].expand(-1, -1, self._agents)  # [R, B, N]
         target = reward + self.config.gamma * self._rows(discount[..., None]) * next_q
 
         q, trace = self.critic.forward(self.critics.online, own, action, others)
@@ -238,7 +236,7 @@ class MADDPG:
         """Updates of the critic for each of the actor."""
         return self.config.actor_update_every_env_steps // self.config.update_every_env_steps
 
-    def _improve_actor(self, own: Tensor, others: Tensor) -> None:
+    def _improve_actor(self, own: Tensor, others: Tensor | SharedOthers) -> None:
         """Follow the policy gradient (l. 277): own action from the actor, the rest as replayed."""
         numbers, actor_trace = self.actor.forward(self.actors.online, own)
         action = numbers.tanh()  # [G, rows, A]
@@ -253,32 +251,33 @@ class MADDPG:
 
     def _mu(self, weights: Stacked, obs: Tensor) -> Tensor:
         """Every agent's action, [R, B, N, A]; obs [R, B, N, O]."""
-        numbers, _ = self.actor.forward(weights, self._rows(obs.transpose(1, 2)))
+        numbers, _ = self.actor.forward(weights, self._rows(obs))
+        if self.config.shares_parameters:
+            return numbers.view(*obs.shape[:3], -1).tanh()
         split = numbers.view(self._runs, self._agents, obs.shape[1], -1)  # [R, N, B, A]
         return split.transpose(1, 2).tanh()
 
-    def _seen(self, obs: Tensor, action: Tensor, keep: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+    def _seen(
+        self, obs: Tensor, action: Tensor, keep: Tensor
+    ) -> tuple[Tensor, Tensor, Tensor | SharedOthers]:
         """The critic's inputs: own o, own a and the others, [G, rows, ...].
 
-        obs: [R, B, N, O]; action: [R, B, N, A]; keep: [R, N, B, S, 1].
+        obs: [R, B, N, O]; action: [R, B, N, A]; keep: [R, B, N, S, 1].
         """
-        seen, acted = self._blocks(obs), self._blocks(action)
-        others = apply_keep(seen[..., 1:, :], keep).flatten(3)
-        their_actions = acted[..., 1:, :]
-        if self.config.masks_actions:
-            their_actions = apply_keep(their_actions, keep)
-        others = torch.cat((others, their_actions.flatten(3)), -1)  # [R, N, B, S*(O+A)]
-        return self._rows(seen[..., 0, :]), self._rows(acted[..., 0, :]), self._rows(others)
-
-    def _blocks(self, joint: Tensor) -> Tensor:
-        """What each agent's critic is shown, [R, N, B, 1+S, U]; joint [R, B, N, U]."""
-        blocks = joint.flatten(1, 2).index_select(1, self._order)
-        return blocks.view(self._runs, self._agents, self._size, 1 + self._senders, -1)
+        own, acts = self._rows(obs), self._rows(action)
+        action_keep = keep if self.config.masks_actions else torch.ones_like(keep)
+        if self.config.shares_parameters and self.config.network == "fgh":
+            masked = ((obs, keep), (action, action_keep))
+            return own, acts, SharedOthers(*(Blocks.of(x, k[..., 0]) for x, k in masked))
+        seen, acted = (x[:, :, self.shown_agents[:, 1:]] for x in (obs, action))  # [R, B, N, S, U]
+        others = (apply_keep(seen, keep).flatten(3), apply_keep(acted, action_keep).flatten(3))
+        return own, acts, self._rows(torch.cat(others, -1))
 
     def _rows(self, each: Tensor) -> Tensor:
-        """Rows by network, [G, rows, U]; each [R, N, B, U]."""
-        rows = each.shape[:3].numel() // self._networks
-        return each.reshape(self._networks, rows, each.shape[-1])
+        """Rows by network, [G, rows, U]; each [R, B, N, U]."""
+        if self.config.shares_parameters:
+            return each.flatten(1, 2)
+        return each.transpose(1, 2).reshape(self._networks, each.shape[1], each.shape[-1])
 
 
 def _critic(config: Config, env: Environment) -> Critic:

@@ -11,6 +11,7 @@ from torch import Tensor
 
 from msgdrop_cli.networks.inputs import SparseInput
 from msgdrop_cli.networks.perceptron import Perceptron
+from msgdrop_cli.networks.shared_others import SharedOthers
 from msgdrop_cli.networks.stacked import Layers, Stacked, dense, dense_backward, through_relu
 
 
@@ -22,7 +23,7 @@ class Critic(Protocol):
     """S, the agents whose observations and actions are among its inputs."""
 
     def forward(
-        self, weights: Stacked, own: Tensor, action: Tensor, others: Tensor
+        self, weights: Stacked, own: Tensor, action: Tensor, others: Tensor | SharedOthers
     ) -> tuple[Tensor, Any]:
         """Q [G, B, 1] of own [G, B, O], action [G, B, A], others [G, B, S*(O+A)], and a trace."""
 
@@ -38,7 +39,7 @@ class Trace(NamedTuple):
 
     own: Tensor
     """(o, a)"""
-    others: Tensor
+    others: Tensor | SharedOthers
     f1: Tensor
     """(f1, a)"""
     joint: Tensor
@@ -69,7 +70,7 @@ class FGHCritic:
         self.layers: Layers = {**f, **g, "h1": (joint, joint_units), "h2": (joint_units, 1)}
 
     def forward(
-        self, weights: Stacked, own: Tensor, action: Tensor, others: Tensor
+        self, weights: Stacked, own: Tensor, action: Tensor, others: Tensor | SharedOthers
     ) -> tuple[Tensor, Trace]:
         """The action enters f twice (l. 770); shapes as in `Critic`."""
         own = torch.cat((own, action), -1)
@@ -116,9 +117,10 @@ class ConcatCritic:
         self.layers: Layers = self._perceptron.layers
 
     def forward(
-        self, weights: Stacked, own: Tensor, action: Tensor, others: Tensor
+        self, weights: Stacked, own: Tensor, action: Tensor, others: Tensor | SharedOthers
     ) -> tuple[Tensor, list[Tensor | SparseInput]]:
-        """Shapes as in `Critic`."""
+        """Shapes as in `Critic`; the others are multiplied out."""
+        assert isinstance(others, Tensor)
         return self._perceptron.forward(weights, torch.cat((own, action, others), -1))
 
     def backward(

@@ -13,6 +13,7 @@ import torch
 from torch import Tensor
 
 from msgdrop_cli.networks.inputs import SparseInput
+from msgdrop_cli.networks.shared_others import SharedOthers
 
 Layers = Mapping[str, tuple[int, int]]
 """Layer name to (inputs, outputs)."""
@@ -86,22 +87,24 @@ def initialise(weights: Stacked, uniforms: Tensor) -> None:
             start += count
 
 
-def dense(layer: Dense, inputs: Tensor | SparseInput) -> Tensor:
+def dense(layer: Dense, inputs: Tensor | SparseInput | SharedOthers) -> Tensor:
     """Inputs [G, B, in] times weight plus bias: [G, B, out]."""
-    if isinstance(inputs, SparseInput):
+    if not isinstance(inputs, Tensor):
         return inputs.times(*layer)
     if layer.weight.shape[-1] == 1:  # the matrix library rounds one column otherwise if G is 1
         return (inputs * layer.weight.mT).sum(-1, keepdim=True) + layer.bias
     return torch.baddbmm(layer.bias, inputs, layer.weight)
 
 
-def dense_backward(gradient: Dense, inputs: Tensor | SparseInput, grad_output: Tensor) -> None:
+def dense_backward(
+    gradient: Dense, inputs: Tensor | SparseInput | SharedOthers, grad_output: Tensor
+) -> None:
     """Write dL/dweight and dL/dbias into `gradient`.
 
     grad_output: [G, rows, out], for the first rows of the inputs [G, B, in].
     """
     torch.sum(grad_output, 1, keepdim=True, out=gradient.bias)
-    if isinstance(inputs, SparseInput):
+    if not isinstance(inputs, Tensor):
         inputs.gradient(grad_output, out=gradient.weight)
     else:
         rows = inputs[:, : grad_output.shape[1]]
