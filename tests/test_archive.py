@@ -191,6 +191,18 @@ def test_file_that_no_manifest_lists_is_refused(tmp_path: Path, name: str) -> No
     refused(path, tmp_path / "here")
 
 
+def test_second_file_of_a_name_is_refused(tmp_path: Path) -> None:
+    """Programs disagree about which of two counts."""
+    path = packed(tmp_path)
+    name = next(name for name in members(path) if name.endswith("run.json"))
+    with (
+        zipfile.ZipFile(path, "a", zipfile.ZIP_DEFLATED) as opened,
+        pytest.warns(UserWarning, match="Duplicate name"),
+    ):
+        opened.writestr(name, b"{}")
+    assert "two files of one name" in refused(path, tmp_path / "here")
+
+
 def test_link_is_refused(tmp_path: Path) -> None:
     """A member that says it is a symbolic link is none of ours."""
     path = packed(tmp_path)

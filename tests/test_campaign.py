@@ -3,6 +3,7 @@
 import json
 import os
 import shutil
+import signal
 import subprocess
 import sys
 import time
@@ -31,6 +32,12 @@ def store(tmp_path_factory: pytest.TempPathFactory) -> Store:
     return filled_store(tmp_path_factory.mktemp("campaign"))
 
 
+@pytest.fixture(autouse=True)
+def _commit_is_known(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The tests run where there is no .git, too."""
+    monkeypatch.setenv("MSGDROP_COMMIT", "0123456789" * 4)
+
+
 def arguments(question: Path, out: Path, *more: str) -> list[str]:
     """A campaign of a minute."""
     given = [str(question), "--profile", "quick", "--out", str(out), "--workers", "1"]
@@ -44,7 +51,10 @@ def state(out: Path) -> list[tuple[str, int, str]]:
 
 
 def test_cut_and_continued_is_as_ablate(
-    store: Store, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    store: Store,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
     """Cut in its second run and continued, a campaign's archives hold what `ablate` trains."""
     out = tmp_path / "out"
@@ -59,6 +69,7 @@ def test_cut_and_continued_is_as_ablate(
         ("md-0.2", 1, "interrupted"),
         ("md-0.2", 2, "planned"),
     ]
+    assert capsys.readouterr().out.count("evaluating") == 1
     assert len(contents(out / "tiny-quick-01.zip")) == 1
     assert campaign.main(arguments(store.question, out)) == 0
     assert {status for _, _, status in state(out)} == {"done"}
@@ -113,6 +124,28 @@ def test_end_is_given_the_time_it_needs(
     assert {status for _, _, status in state(tmp_path)} == {"planned"}
 
 
+def test_moment_stops_one_phase_only() -> None:
+    """What comes after a phase that ran out of its time still has its own; a signal ends all."""
+    with graceful_stop() as control:
+        with limited_time._stopped_at(control, time.monotonic()):
+            while not control.stopping():
+                pass
+        assert not control.stopping()
+        with limited_time._stopped_at(control, time.monotonic() + 60):
+            os.kill(os.getpid(), signal.SIGTERM)
+            assert control.stopping()
+        assert control.stopping()
+
+
+def test_fewer_checkpoints_are_the_same_runs(store: Store) -> None:
+    """What a GPU's campaign trains is, by its ids, what everybody else trains."""
+    definition = load_definition(str(store.question))
+    asked = plan(definition, "quick", catalogue(), overrides=[campaign._NO_CHECKPOINTS])
+    assert asked.runs[0].spec.training.checkpoint_every_env_steps == 1_000_000_000
+    plain = plan(definition, "quick", catalogue())
+    assert [run.run_id for run in asked.runs] == [run.run_id for run in plain.runs]
+
+
 def test_machine_is_measured(tmp_path: Path) -> None:
     """Both speeds come from a file that is written and packed, and gone afterwards."""
     speeds = limited_time.measure(tmp_path, "cpu")
@@ -143,7 +176,7 @@ def test_lowest_seeds_of_all_variants_come_first(
     sizes = Sizes(parameters=0, kept=0, working=0, memory=1)
     monkeypatch.setattr("torch.cuda.mem_get_info", lambda: (room, room))
     with graceful_stop() as control:
-        campaign = limited_time.Campaign(
+        made = limited_time.Campaign(
             asked=asked,
             out=tmp_path,
             device=device,
@@ -152,7 +185,7 @@ def test_lowest_seeds_of_all_variants_come_first(
             ends=0.0,
             control=control,
         )
-        batches = campaign._batches(asked.runs, {run.run_id: sizes for run in asked.runs})
+        batches = made._batches(asked.runs, {run.run_id: sizes for run in asked.runs})
     names = [
         [", ".join(f"{run.variant} {run.spec.seed}" for run in cohort) for cohort in batch]
         for batch in batches

@@ -65,7 +65,8 @@ def _check(record: RunRecord, archive: Path, known: Catalogue) -> None:
     place = f"{record.environment}/{record.path.name}"
     try:
         spec = spec_from_dict(record.spec, known)
-        record.metrics(), record.episodes()
+        record.metrics()
+        record.episodes()
         read_tensors(record.path / POLICY)
     except (DefinitionError, RecordError) as error:
         reason = str(error).replace(f"{record.path}/", "")
