@@ -7,7 +7,7 @@ from contextlib import suppress
 
 from msgdrop_cli import __version__
 
-_SLOW = ("train", "eval", "ablate", "unstable-test", "plot", "publish")
+_SLOW = ("train", "eval", "ablate", "unstable-test", "plot", "publish", "import")
 """Commands that load torch or matplotlib before they can say anything else."""
 _WIDTH = 120
 _INTERRUPTED = 130

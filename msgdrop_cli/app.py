@@ -16,7 +16,17 @@ from typing import Annotated
 import typer
 
 from msgdrop_cli import __version__
-from msgdrop_cli.commands import ablate, console, eval, plot, publish, status, train, unstable_test
+from msgdrop_cli.commands import (
+    ablate,
+    console,
+    eval,
+    importing,
+    plot,
+    publish,
+    status,
+    train,
+    unstable_test,
+)
 from msgdrop_cli.definition.strict import one_line
 from msgdrop_cli.errors import MsgdropError
 from msgdrop_cli.scheduler import Stopped
@@ -33,7 +43,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     context_settings={"max_content_width": 100},
 )
-for _command in (ablate, train, eval, unstable_test, plot, status, publish):
+for _command in (ablate, train, eval, unstable_test, plot, status, publish, importing):
     app.add_typer(_command.app)
 
 

@@ -1,6 +1,8 @@
 """What a record says about how it was made, so that a number can be traced and made again."""
 
+import os
 import platform
+import re
 import subprocess
 from dataclasses import asdict
 from pathlib import Path
@@ -12,6 +14,8 @@ import torch
 import msgdrop_cli
 from msgdrop_cli.networks.kernel import kernel_name
 from msgdrop_envs.protocol import Environment
+
+_COMMIT = re.compile(r"[0-9a-f]{40}\+?")
 
 
 def facts(env: Environment, device: str, threads: int) -> dict[str, Any]:
@@ -33,10 +37,14 @@ def facts(env: Environment, device: str, threads: int) -> dict[str, Any]:
 
 
 def commit() -> str | None:
-    """The commit of this source tree, `+` if files differ from it; None outside a checkout."""
+    """The commit of this source tree, `+` if files differ from it.
+
+    Outside a checkout, what MSGDROP_COMMIT says of this copy of one; None if it says no commit.
+    """
     tree = Path(__file__).parents[2]
     if not (tree / ".git").exists():
-        return None
+        said = os.environ.get("MSGDROP_COMMIT", "")
+        return said if _COMMIT.fullmatch(said) else None
     commands = (["git", "rev-parse", "HEAD"], ["git", "status", "--porcelain", "-uno"])
     try:
         head, changes = (

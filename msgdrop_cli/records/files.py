@@ -111,7 +111,7 @@ def count_jsonl(path: Path) -> int:
 
 def read_json(path: Path) -> Any:
     """The value in `path`, strings without control characters; RecordError if it is damaged."""
-    return _value(read_bytes(path), str(path))
+    return parse_json(read_bytes(path), str(path))
 
 
 def read_jsonl(path: Path) -> list[dict[str, Any]]:
@@ -121,11 +121,26 @@ def read_jsonl(path: Path) -> list[dict[str, Any]]:
     """
     rows = []
     for number, line in enumerate(_whole_lines(read_bytes(path)), start=1):
-        row = _value(line, f"{path}: line {number}")
+        row = parse_json(line, f"{path}: line {number}")
         if not isinstance(row, dict):
             raise RecordError(_message(path, f"line {number}: expected an object"))
         rows.append(row)
     return rows
+
+
+def parse_json(content: bytes, place: str) -> Any:
+    """The value in `content`, as `read_json`; `place` begins the error's line."""
+    try:
+        return _cleaned(
+            json.loads(
+                content.decode(),
+                parse_float=_finite,
+                parse_int=_64_bits,
+                parse_constant=_refuse_constant,
+            )
+        )
+    except (ValueError, RecursionError) as error:
+        raise RecordError(one_line(f"{place}: is damaged: {error}")) from error
 
 
 @contextmanager
@@ -183,20 +198,6 @@ def read_bytes(path: Path, largest: int = _LARGEST_FILE) -> bytes:
 def _whole_lines(content: bytes) -> list[bytes]:
     """The lines that end; what follows the last end is torn."""
     return content.split(b"\n")[:-1]
-
-
-def _value(content: bytes, place: str) -> Any:
-    try:
-        return _cleaned(
-            json.loads(
-                content.decode(),
-                parse_float=_finite,
-                parse_int=_64_bits,
-                parse_constant=_refuse_constant,
-            )
-        )
-    except (ValueError, RecursionError) as error:
-        raise RecordError(one_line(f"{place}: is damaged: {error}")) from error
 
 
 def _cleaned(value: Any) -> Any:

@@ -1,0 +1,146 @@
+"""`msgdrop import`: archives of runs that another machine trained become run folders here."""
+
+from collections.abc import Sequence
+from json import dumps
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Annotated, NamedTuple
+
+import typer
+
+from msgdrop_cli.commands import console, options
+from msgdrop_cli.commands.words import several
+from msgdrop_cli.definition.catalogue import Catalogue
+from msgdrop_cli.definition.run_id import run_id, spec_from_dict
+from msgdrop_cli.errors import DefinitionError, RecordError
+from msgdrop_cli.records.archive import install, unpack
+from msgdrop_cli.records.files import CANNOT_CREATE, read_bytes
+from msgdrop_cli.records.store import METRICS, POLICY, RUNS, RunRecord, find_run
+
+app = typer.Typer()
+
+
+class _Found(NamedTuple):
+    """A run in an archive, and where it is to stand."""
+
+    record: RunRecord
+    path: Path
+    is_there: bool
+
+
+@app.command("import")
+def import_archives(
+    archives: Annotated[
+        list[Path], typer.Argument(metavar="ARCHIVE...", help="What benchmarks/campaign.py wrote.")
+    ],
+    results: options.Results = Path("results"),
+    json: options.Json = False,
+) -> int:
+    """Turn archives of trained runs into runs of the results folder.
+
+    Everything is checked before anything is written. A run that is there already is left alone.
+    """
+    from msgdrop_cli.engine.catalogue import catalogue
+
+    with TemporaryDirectory(prefix="msgdrop-") as scratch:
+        records = []
+        for number, archive in enumerate(archives):
+            folder = Path(scratch) / str(number)
+            folder.mkdir()
+            for record in unpack(archive, folder):
+                _check(record, archive, catalogue())
+                records.append(record)
+        found = _places(records, results)
+        for run in found:
+            if not run.is_there:
+                install(run.record, run.path)
+    _show(found, as_json=json)
+    return 0
+
+
+def _check(record: RunRecord, archive: Path, known: Catalogue) -> None:
+    """Refuse (RecordError) what is not a finished run with all that belongs to it."""
+    from msgdrop_cli.engine.tensors import read_tensors
+
+    place = f"{record.environment}/{record.path.name}"
+    try:
+        spec = spec_from_dict(record.spec, known)
+        record.metrics()
+        record.episodes()
+        read_tensors(record.path / POLICY)
+    except (DefinitionError, RecordError) as error:
+        reason = str(error).replace(f"{record.path}/", "")
+        raise RecordError(f"{archive}: {place}: {reason}") from error
+    folder = f"{record.variant}-s{record.seed}-{record.run_id}"
+    facts = {
+        f"its status is {record.status}, expected done": record.status == "done",
+        "its run id is not the one of its settings": run_id(spec) == record.run_id,
+        "environment or seed are not those of its settings": (
+            (spec.environment, spec.seed) == (record.environment, record.seed)
+        ),
+        "it has not been trained to its end": (spec.training.train_env_steps <= record.env_steps),
+        "it stands in another run's place": (
+            record.path.parts[-2:] == (record.environment, folder)
+        ),
+    }
+    for problem, is_fine in facts.items():
+        if not is_fine:
+            raise RecordError(f"{archive}: {place}: {problem}")
+
+
+def _places(records: Sequence[RunRecord], results: Path) -> list[_Found]:
+    """Where each run goes; RecordError (73) where another one stands, here or in the archives."""
+    found: dict[str, _Found] = {}
+    for record in records:
+        path = results / RUNS / record.environment / record.path.name
+        if record.run_id in found:
+            other: RunRecord | None = found[record.run_id].record
+        else:
+            other = find_run(results / RUNS, record.run_id)
+            if other is not None:
+                path = other.path
+            found[record.run_id] = _Found(record, path, other is not None)
+        if other is not None and not _is_same(record, other):
+            raise RecordError(
+                f"{path}: stands there with other content; move this folder away to import the run",
+                CANNOT_CREATE,
+            )
+    return list(found.values())
+
+
+def _is_same(record: RunRecord, other: RunRecord) -> bool:
+    """Whether `other` is this run; it may have been evaluated further."""
+    files = ((record.path / name, other.path / name) for name in (METRICS, POLICY))
+    evaluated = set(map(dumps, other.episodes()))
+    return (
+        record.run == other.run
+        and all(
+            theirs.is_file() and read_bytes(ours) == read_bytes(theirs) for ours, theirs in files
+        )
+        and evaluated.issuperset(map(dumps, record.episodes()))
+    )
+
+
+def _show(found: Sequence[_Found], *, as_json: bool) -> None:
+    if as_json:
+        console.result_json(
+            [
+                {
+                    "run_id": run.record.run_id,
+                    "environment": run.record.environment,
+                    "variant": run.record.variant,
+                    "seed": run.record.seed,
+                    "path": str(run.path),
+                    "imported": not run.is_there,
+                }
+                for run in found
+            ]
+        )
+        return
+    for run in found:
+        if run.is_there:
+            console.note(f"{run.path}: is there already")
+        else:
+            console.result(str(run.path))
+    new = sum(not run.is_there for run in found)
+    console.note(f"{several(new, 'run')} imported, {len(found) - new:,} already there")
