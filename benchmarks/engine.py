@@ -1,9 +1,8 @@
 """The engine as a training runs it, ready to be measured part by part."""
 
-import dataclasses
 import time
 from collections.abc import Callable, Mapping
-from typing import Any, ParamSpec, TypeVar
+from typing import ParamSpec, TypeVar
 
 import torch
 from torch import Tensor
@@ -27,15 +26,13 @@ WARM_STEPS = 100
 """Steps with learning before anything is measured."""
 
 
-def spec(environment: str, algorithm: str, **environment_changes: Any) -> RunSpec:
+def spec(environment: str, algorithm: str) -> RunSpec:
     """A run at the paper's settings that learns from its first step on."""
     known = catalogue()
     named = known.algorithm(algorithm)
     return RunSpec(
         environment=environment,
-        environment_config=dataclasses.replace(
-            known.environment(environment), **environment_changes
-        ),
+        environment_config=known.environment(environment),
         algorithm=named.learner,
         algorithm_config=named.config_class(
             **known.paper_algorithm[environment, named.learner],
@@ -66,22 +63,24 @@ def random_actions(env: Environment, *batch: int) -> Tensor:
     return torch.randint(env.actions, (*batch, env.agents))
 
 
-def measure(training: Training, seconds: float) -> dict[str, float]:
+def measure(
+    training: Training, seconds: float, clock: Callable[[], float] = time.perf_counter
+) -> dict[str, float]:
     """Train for `seconds`: env_steps_per_s, and act, step, sample, update in ms per env step."""
     spent = dict.fromkeys(PARTS, 0.0)
-    first, start = training.env_steps, time.perf_counter()
+    first, start = training.env_steps, clock()
 
     def timed(part: str, call: Callable[P, T], *args: P.args, **kwargs: P.kwargs) -> T:
-        begin = time.perf_counter()
+        begin = clock()
         result = call(*args, **kwargs)
-        spent[part] += time.perf_counter() - begin
+        spent[part] += clock() - begin
         return result
 
-    while time.perf_counter() - start < seconds:
+    while clock() - start < seconds:
         actions = timed("act", training.act)
         timed("step", training.play, actions)
         for _ in range(training.updates_due()):
             timed("update", training.learn, timed("sample", training.sample))
-    wall = time.perf_counter() - start
+    took = clock() - start
     steps = training.env_steps - first
-    return {"env_steps_per_s": steps / wall, **{p: 1e3 * s / steps for p, s in spent.items()}}
+    return {"env_steps_per_s": steps / took, **{p: 1e3 * s / steps for p, s in spent.items()}}
