@@ -12,6 +12,8 @@ from benchmarks.updates import CASES, learning_ms, shares, update_cost, update_m
 from msgdrop_cli.definition.spec import RunSpec
 
 AGENTS = (4, 6, 8, 10, 12, 16)
+MULTIPLES = (1, 2, 5, 10, 20)
+"""Ticks of the figure."""
 VARIED = {
     "pursuit-n6": ("pursuers",),
     "navigation-n8": ("agents", "landmarks"),
@@ -37,7 +39,8 @@ class Point(NamedTuple):
 def draw(path: Path, seconds: float, blocks: int) -> None:
     """Measure all sizes, print them as multiples of the smallest, and write the figure."""
     figure = Figure(figsize=(3.6 * len(VARIED), 3.6), layout="constrained")
-    for axes, environment in zip(figure.subplots(1, len(VARIED)), VARIED, strict=True):
+    panels = figure.subplots(1, len(VARIED), sharey=True)
+    for axes, environment in zip(panels, VARIED, strict=True):
         points = measure(environment, seconds, blocks)
         print(f"{environment}, {CASES[environment]}: ms an update; all as multiples of the first")
         for point in points:
@@ -52,6 +55,7 @@ def draw(path: Path, seconds: float, blocks: int) -> None:
         for line, label, style in zip(lines, labels, ("k-", "k:", "C0o-"), strict=True):
             axes.loglog(AGENTS, line, style, label=label)
         axes.set_xticks(AGENTS, [str(agents) for agents in AGENTS])
+        axes.set_yticks(MULTIPLES, [str(multiple) for multiple in MULTIPLES])
         axes.minorticks_off()
         axes.set(title=f"{environment.split('-')[0]}, {CASES[environment]}", xlabel="agents")
     figure.axes[0].set_ylabel(f"one update, multiples of N = {AGENTS[0]}")
