@@ -2,7 +2,7 @@
 #   make demo    install, train the first question in its quick profile, show table and figure
 #   make test    install with the test extras, run the whole suite
 #   make lint    ruff and mypy
-#   make bench   env steps per second, ours and the straightforward implementation's
+#   make bench   env steps per second, ours and the straightforward implementation's; the floor
 #   make clean   remove caches and builds      make distclean   remove .venv, too
 # A Python of your choice:  make demo PYTHON=/path/to/python3.12
 
@@ -29,7 +29,8 @@ lint: $(VENV)/lint.stamp
 	$(BIN)/mypy
 
 bench: $(VENV)/demo.stamp
-	$(BIN)/python -m benchmarks.throughput
+	OMP_NUM_THREADS=1 $(BIN)/python -m benchmarks.throughput
+	OMP_NUM_THREADS=1 $(BIN)/python -m benchmarks.roofline
 
 clean:
 	rm -rf build dist .mypy_cache .pytest_cache .ruff_cache
