@@ -38,5 +38,6 @@ def test_only_two_agents_stand_in_a_slot() -> None:
     """That is what makes it a quarter: 14 products of a sample for 8 agents, not 56."""
     obs = rand(1, BATCH, 8, UNITS, seed=1)
     blocks = Blocks.of(obs, torch.ones(1, BATCH, 8, 7))
-    assert blocks.slots.shape == (7, 2 * BATCH, UNITS)
+    slots = blocks.slots if isinstance(blocks.slots, torch.Tensor) else blocks.slots.rows
+    assert slots.shape == (7, 2 * BATCH, UNITS)
     assert torch.equal(blocks.choice.sum(-1), torch.full((BATCH, 8), 7.0))

@@ -27,6 +27,7 @@ from msgdrop_cli.errors import DefinitionError
 from msgdrop_cli.networks.critic import ConcatCritic, Critic, FGHCritic
 from msgdrop_cli.networks.perceptron import Perceptron
 from msgdrop_cli.networks.shared_others import Blocks, SharedOthers
+from msgdrop_cli.networks.sparse_rows import sparse_rows
 from msgdrop_cli.networks.stacked import Stacked, parameter_count
 from msgdrop_cli.ops.exploration import noisy_action, random_action
 from msgdrop_cli.ops.message_dropout import apply_keep, keep_mask
@@ -238,7 +239,7 @@ class MADDPG:
 
     def _improve_actor(self, own: Tensor, others: Tensor | SharedOthers) -> None:
         """Follow the policy gradient (l. 277): own action from the actor, the rest as replayed."""
-        numbers, actor_trace = self.actor.forward(self.actors.online, own)
+        numbers, actor_trace = self.actor.forward(self.actors.online, sparse_rows(own))
         action = numbers.tanh()  # [G, rows, A]
         q, trace = self.critic.forward(self.critics.online, own, action, others)
         descent = torch.full_like(q, -1.0 / q.shape[1])
@@ -251,7 +252,7 @@ class MADDPG:
 
     def _mu(self, weights: Stacked, obs: Tensor) -> Tensor:
         """Every agent's action, [R, B, N, A]; obs [R, B, N, O]."""
-        numbers, _ = self.actor.forward(weights, self._rows(obs))
+        numbers, _ = self.actor.forward(weights, sparse_rows(self._rows(obs)))
         if self.config.shares_parameters:
             return numbers.view(*obs.shape[:3], -1).tanh()
         split = numbers.view(self._runs, self._agents, obs.shape[1], -1)  # [R, N, B, A]

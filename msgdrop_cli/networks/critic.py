@@ -9,10 +9,9 @@ from typing import Any, NamedTuple, Protocol
 import torch
 from torch import Tensor
 
-from msgdrop_cli.networks.inputs import SparseInput
 from msgdrop_cli.networks.perceptron import Perceptron
-from msgdrop_cli.networks.shared_others import SharedOthers
-from msgdrop_cli.networks.stacked import Layers, Stacked, dense, dense_backward, through_relu
+from msgdrop_cli.networks.sparse_rows import sparse_rows
+from msgdrop_cli.networks.stacked import Apart, Layers, Stacked, dense, dense_backward, through_relu
 
 
 class Critic(Protocol):
@@ -23,7 +22,7 @@ class Critic(Protocol):
     """S, the agents whose observations and actions are among its inputs."""
 
     def forward(
-        self, weights: Stacked, own: Tensor, action: Tensor, others: Tensor | SharedOthers
+        self, weights: Stacked, own: Tensor, action: Tensor, others: Tensor | Apart
     ) -> tuple[Tensor, Any]:
         """Q [G, B, 1] of own [G, B, O], action [G, B, A], others [G, B, S*(O+A)], and a trace."""
 
@@ -37,9 +36,9 @@ class Critic(Protocol):
 class Trace(NamedTuple):
     """What the backward pass needs of a forward pass, each [G, B, units]."""
 
-    own: Tensor
+    own: Tensor | Apart
     """(o, a)"""
-    others: Tensor | SharedOthers
+    others: Tensor | Apart
     f1: Tensor
     """(f1, a)"""
     joint: Tensor
@@ -70,17 +69,17 @@ class FGHCritic:
         self.layers: Layers = {**f, **g, "h1": (joint, joint_units), "h2": (joint_units, 1)}
 
     def forward(
-        self, weights: Stacked, own: Tensor, action: Tensor, others: Tensor | SharedOthers
+        self, weights: Stacked, own: Tensor, action: Tensor, others: Tensor | Apart
     ) -> tuple[Tensor, Trace]:
         """The action enters f twice (l. 770); shapes as in `Critic`."""
-        own = torch.cat((own, action), -1)
-        f1 = torch.cat((dense(weights["f1"], own).relu_(), action), -1)
+        seen = sparse_rows(torch.cat((own, action), -1))
+        f1 = torch.cat((dense(weights["f1"], seen).relu_(), action), -1)
         joint = dense(weights["f2"], f1)
         if self.hears:
             joint = torch.cat((joint, dense(weights["g1"], others)), -1)
         joint = joint.relu_()  # [G, B, f + g]
         h1 = dense(weights["h1"], joint).relu_()
-        return dense(weights["h2"], h1), Trace(own, others, f1, joint, h1)
+        return dense(weights["h2"], h1), Trace(seen, others, f1, joint, h1)
 
     def backward(self, weights: Stacked, trace: Trace, grad_q: Tensor, gradients: Stacked) -> None:
         """Write the gradients of all weights; grad_q [G, B, 1]."""
@@ -117,16 +116,17 @@ class ConcatCritic:
         self.layers: Layers = self._perceptron.layers
 
     def forward(
-        self, weights: Stacked, own: Tensor, action: Tensor, others: Tensor | SharedOthers
-    ) -> tuple[Tensor, list[Tensor | SparseInput]]:
+        self, weights: Stacked, own: Tensor, action: Tensor, others: Tensor | Apart
+    ) -> tuple[Tensor, list[Tensor | Apart]]:
         """Shapes as in `Critic`; the others are multiplied out."""
         assert isinstance(others, Tensor)
-        return self._perceptron.forward(weights, torch.cat((own, action, others), -1))
+        everything = torch.cat((own, action, others), -1)
+        return self._perceptron.forward(weights, sparse_rows(everything))
 
     def backward(
         self,
         weights: Stacked,
-        trace: list[Tensor | SparseInput],
+        trace: list[Tensor | Apart],
         grad_q: Tensor,
         gradients: Stacked,
     ) -> None:
@@ -134,7 +134,7 @@ class ConcatCritic:
         self._perceptron.backward(weights, trace, grad_q, gradients)
 
     def action_gradient(
-        self, weights: Stacked, trace: list[Tensor | SparseInput], grad_q: Tensor
+        self, weights: Stacked, trace: list[Tensor | Apart], grad_q: Tensor
     ) -> Tensor:
         """Down to the columns of the own action; the weights' gradients are left alone."""
         first, *later = self.layers

@@ -6,7 +6,7 @@ import torch
 from torch import Tensor
 
 from msgdrop_cli.networks.inputs import SparseInput, split_own
-from msgdrop_cli.networks.stacked import Layers, Stacked, dense, dense_backward, through_relu
+from msgdrop_cli.networks.stacked import Apart, Layers, Stacked, dense, dense_backward, through_relu
 
 
 class Trace(NamedTuple):
@@ -44,8 +44,9 @@ class FGH:
             "h2": (joint_units, actions),
         }
 
-    def forward(self, weights: Stacked, inputs: Tensor | SparseInput) -> tuple[Tensor, Trace]:
+    def forward(self, weights: Stacked, inputs: Tensor | Apart) -> tuple[Tensor, Trace]:
         """inputs: [G, B, O + S*M]; returns Q [G, B, A] and the trace."""
+        assert isinstance(inputs, Tensor | SparseInput)
         own, messages = split_own(inputs, self._observation)
         f1 = dense(weights["f1"], own).relu_()
         f2 = dense(weights["f2"], f1)

@@ -33,13 +33,9 @@ class Shape(ctypes.Structure):
 
 @cache
 def kernel() -> ctypes.CDLL | None:
-    """The compiled functions, or None where there is no C compiler or it is not wanted."""
-    compiler = shutil.which("cc") or shutil.which("gcc") or shutil.which("clang")
-    if compiler is None or os.environ.get("MSGDROP_KERNEL") == "torch":
-        return None
-    try:
-        library = ctypes.CDLL(str(_built(compiler)))
-    except (OSError, RuntimeError, subprocess.SubprocessError):  # RuntimeError: there is no home
+    """The functions of `sparse.c`, or None where there is no C compiler or it is not wanted."""
+    library = load(_SOURCE)
+    if library is None:
         return None
     for function, pointers in (("first_layer", 5), ("first_layer_backward", 4)):
         getattr(library, function).argtypes = (
@@ -50,21 +46,32 @@ def kernel() -> ctypes.CDLL | None:
     return library
 
 
+def load(source: Path) -> ctypes.CDLL | None:
+    """The compiled file, or None where there is no C compiler or it is not wanted."""
+    compiler = shutil.which("cc") or shutil.which("gcc") or shutil.which("clang")
+    if compiler is None or os.environ.get("MSGDROP_KERNEL") == "torch":
+        return None
+    try:
+        return ctypes.CDLL(str(_built(compiler, source)))
+    except (OSError, RuntimeError, subprocess.SubprocessError):  # RuntimeError: there is no home
+        return None
+
+
 def kernel_name() -> str:
     """What a record says about the arithmetic: runs are bit-equal only with the same one."""
     return "torch" if kernel() is None else "c-sparse"
 
 
-def _built(compiler: str) -> Path:
+def _built(compiler: str, source: Path) -> Path:
     version = subprocess.run([compiler, "--version"], capture_output=True, check=True).stdout
-    recipe = b"\0".join((_SOURCE.read_bytes(), " ".join(_FLAGS).encode(), version, _processor()))
+    recipe = b"\0".join((source.read_bytes(), " ".join(_FLAGS).encode(), version, _processor()))
     folder = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "msgdrop"
-    library = folder / f"sparse-{hashlib.sha256(recipe).hexdigest()[:16]}.so"
+    library = folder / f"{source.stem}-{hashlib.sha256(recipe).hexdigest()[:16]}.so"
     if not _is_whole(library):
         folder.mkdir(mode=0o700, parents=True, exist_ok=True)
         with tempfile.TemporaryDirectory(dir=folder) as scratch:
             output = Path(scratch) / library.name
-            command = [compiler, *_FLAGS, str(_SOURCE), "-o", str(output)]
+            command = [compiler, *_FLAGS, str(source), "-o", str(output)]
             subprocess.run(command, capture_output=True, check=True, timeout=120)
             seal = Path(scratch) / "seal"
             seal.write_text(_digest(output))

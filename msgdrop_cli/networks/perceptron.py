@@ -2,8 +2,7 @@
 
 from torch import Tensor
 
-from msgdrop_cli.networks.inputs import SparseInput
-from msgdrop_cli.networks.stacked import Layers, Stacked, dense, dense_backward, through_relu
+from msgdrop_cli.networks.stacked import Apart, Layers, Stacked, dense, dense_backward, through_relu
 
 
 class Perceptron:
@@ -17,10 +16,10 @@ class Perceptron:
         }
 
     def forward(
-        self, weights: Stacked, inputs: Tensor | SparseInput
-    ) -> tuple[Tensor, list[Tensor | SparseInput]]:
+        self, weights: Stacked, inputs: Tensor | Apart
+    ) -> tuple[Tensor, list[Tensor | Apart]]:
         """inputs: [G, B, inputs]; returns Q [G, B, A] and the inputs of every layer."""
-        trace: list[Tensor | SparseInput] = [inputs]
+        trace: list[Tensor | Apart] = [inputs]
         *hidden, last = self.layers
         for name in hidden:
             trace.append(dense(weights[name], trace[-1]).relu_())
@@ -29,7 +28,7 @@ class Perceptron:
     def backward(
         self,
         weights: Stacked,
-        trace: list[Tensor | SparseInput],
+        trace: list[Tensor | Apart],
         grad_q: Tensor,
         gradients: Stacked,
     ) -> None:

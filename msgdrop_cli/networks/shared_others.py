@@ -10,6 +10,8 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
+from msgdrop_cli.networks.sparse_rows import SparseRows, matmul, matmul_gradient, sparse_rows
+
 
 @dataclass(frozen=True, slots=True)
 class Blocks:
@@ -18,8 +20,10 @@ class Blocks:
     Letters: `R` runs, `B` batch, `N` agents, `S = N-1` senders, `U` numbers of a block, `H` units.
     """
 
-    slots: Tensor
+    slots: Tensor | SparseRows
     """[R*S, 2*B, U]: of every slot the rows of agent k, then those of agent k + 1."""
+    units: int
+    """U"""
     choice: Tensor
     """[R*B, N, 2*S]: how much of each product an agent adds up."""
 
@@ -33,12 +37,11 @@ class Blocks:
         agent = torch.arange(agents, device=keep.device)[:, None]
         fed = torch.stack((slot < agent, slot >= agent), -1)  # [N, S, 2]
         choice = (keep[..., None] * fed).flatten(3).flatten(0, 1)  # [R*B, N, 2S]
-        return cls(slots, choice)
+        return cls(sparse_rows(slots), units, choice)
 
     def times(self, weight: Tensor, rows: int) -> Tensor:
         """The sums of products, [R, rows, H] with rows = B*N; weight [R, S*U, H]."""
-        units = self.slots.shape[-1]
-        products = torch.bmm(self.slots, weight.reshape(len(self.slots), units, -1))
+        products = matmul(self.slots, weight.reshape(-1, self.units, weight.shape[-1]))
         by_sample = products.unflatten(0, (len(weight), -1)).unflatten(2, (2, -1))
         each = by_sample.permute(0, 3, 1, 2, 4).flatten(2, 3).flatten(0, 1)  # [R*B, 2S, H]
         return torch.bmm(self.choice, each).view(len(weight), rows, -1)
@@ -50,8 +53,8 @@ class Blocks:
         grads = grad_output.reshape(games, agents, outputs)
         each = torch.bmm(self.choice.mT, grads)  # [R*B, 2S, H]
         slots = each.view(runs, -1, doubled // 2, 2, outputs).permute(0, 2, 3, 1, 4)
-        rows = slots.reshape(len(self.slots), -1, outputs)  # [R*S, 2B, H]
-        out.copy_(torch.bmm(self.slots.mT, rows).view_as(out))
+        rows = slots.reshape(runs * (doubled // 2), -1, outputs)  # [R*S, 2B, H]
+        out.copy_(matmul_gradient(self.slots, rows).view_as(out))
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,5 +79,5 @@ class SharedOthers:
     def _split(self, weight: Tensor) -> tuple[Tensor, Tensor]:
         """The rows of the weight that observations and actions meet."""
         senders = self.observations.choice.shape[-1] // 2
-        observed = senders * self.observations.slots.shape[-1]
+        observed = senders * self.observations.units
         return weight[:, :observed], weight[:, observed:]

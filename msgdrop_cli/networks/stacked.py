@@ -12,11 +12,18 @@ from typing import Any, NamedTuple, Protocol
 import torch
 from torch import Tensor
 
-from msgdrop_cli.networks.inputs import SparseInput
-from msgdrop_cli.networks.shared_others import SharedOthers
-
 Layers = Mapping[str, tuple[int, int]]
 """Layer name to (inputs, outputs)."""
+
+
+class Apart(Protocol):
+    """Inputs [G, B, in] of a first layer that are not multiplied out, or not with what is 0."""
+
+    def times(self, weight: Tensor, bias: Tensor) -> Tensor:
+        """The inputs times weight [G, in, out] plus bias [G, 1, out]: [G, B, out]."""
+
+    def gradient(self, grad_output: Tensor, out: Tensor) -> None:
+        """Write dL/dweight into `out` [G, in, out]; grad_output [G, rows, out], of the first."""
 
 
 class Dense(NamedTuple):
@@ -60,7 +67,7 @@ class Network(Protocol):
     hears: int
     """S, the senders whose messages are among its inputs."""
 
-    def forward(self, weights: Stacked, inputs: Tensor | SparseInput) -> tuple[Tensor, Any]:
+    def forward(self, weights: Stacked, inputs: Tensor | Apart) -> tuple[Tensor, Any]:
         """Q [G, B, A] of the inputs [G, B, (1+S)*O], and a trace for `backward`."""
 
     def backward(self, weights: Stacked, trace: Any, grad_q: Tensor, gradients: Stacked) -> None:
@@ -87,7 +94,7 @@ def initialise(weights: Stacked, uniforms: Tensor) -> None:
             start += count
 
 
-def dense(layer: Dense, inputs: Tensor | SparseInput | SharedOthers) -> Tensor:
+def dense(layer: Dense, inputs: Tensor | Apart) -> Tensor:
     """Inputs [G, B, in] times weight plus bias: [G, B, out]."""
     if not isinstance(inputs, Tensor):
         return inputs.times(*layer)
@@ -96,9 +103,7 @@ def dense(layer: Dense, inputs: Tensor | SparseInput | SharedOthers) -> Tensor:
     return torch.baddbmm(layer.bias, inputs, layer.weight)
 
 
-def dense_backward(
-    gradient: Dense, inputs: Tensor | SparseInput | SharedOthers, grad_output: Tensor
-) -> None:
+def dense_backward(gradient: Dense, inputs: Tensor | Apart, grad_output: Tensor) -> None:
     """Write dL/dweight and dL/dbias into `gradient`.
 
     grad_output: [G, rows, out], for the first rows of the inputs [G, B, in].
