@@ -9,7 +9,6 @@ from typing import Any, NamedTuple, Protocol
 import torch
 from torch import Tensor
 
-from msgdrop_cli.networks.inputs import SparseInput
 from msgdrop_cli.networks.perceptron import Perceptron
 from msgdrop_cli.networks.stacked import Layers, Stacked, dense, dense_backward, through_relu
 
@@ -117,27 +116,24 @@ class ConcatCritic:
 
     def forward(
         self, weights: Stacked, own: Tensor, action: Tensor, others: Tensor
-    ) -> tuple[Tensor, list[Tensor | SparseInput]]:
+    ) -> tuple[Tensor, list[Tensor]]:
         """Shapes as in `Critic`."""
         return self._perceptron.forward(weights, torch.cat((own, action, others), -1))
 
     def backward(
         self,
         weights: Stacked,
-        trace: list[Tensor | SparseInput],
+        trace: list[Tensor],
         grad_q: Tensor,
         gradients: Stacked,
     ) -> None:
         """Write the gradients of all weights; grad_q [G, B, 1]."""
         self._perceptron.backward(weights, trace, grad_q, gradients)
 
-    def action_gradient(
-        self, weights: Stacked, trace: list[Tensor | SparseInput], grad_q: Tensor
-    ) -> Tensor:
+    def action_gradient(self, weights: Stacked, trace: list[Tensor], grad_q: Tensor) -> Tensor:
         """Down to the columns of the own action; the weights' gradients are left alone."""
         first, *later = self.layers
         gradient = grad_q
         for name, inputs in zip(reversed(later), reversed(trace[1:]), strict=True):
-            assert isinstance(inputs, Tensor)
             gradient = through_relu(weights[name], gradient, inputs)
         return torch.bmm(gradient, weights[first].weight[:, self._own].mT)

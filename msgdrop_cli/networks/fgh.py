@@ -5,15 +5,14 @@ from typing import NamedTuple
 import torch
 from torch import Tensor
 
-from msgdrop_cli.networks.inputs import SparseInput, split_own
 from msgdrop_cli.networks.stacked import Layers, Stacked, dense, dense_backward, through_relu
 
 
 class Trace(NamedTuple):
     """What the backward pass needs of a forward pass, each [G, B, units]."""
 
-    own: Tensor | SparseInput
-    messages: Tensor | SparseInput
+    own: Tensor
+    messages: Tensor
     f1: Tensor
     joint: Tensor
     h1: Tensor
@@ -44,9 +43,9 @@ class FGH:
             "h2": (joint_units, actions),
         }
 
-    def forward(self, weights: Stacked, inputs: Tensor | SparseInput) -> tuple[Tensor, Trace]:
+    def forward(self, weights: Stacked, inputs: Tensor) -> tuple[Tensor, Trace]:
         """inputs: [G, B, O + S*M]; returns Q [G, B, A] and the trace."""
-        own, messages = split_own(inputs, self._observation)
+        own, messages = inputs[..., : self._observation], inputs[..., self._observation :]
         f1 = dense(weights["f1"], own).relu_()
         f2 = dense(weights["f2"], f1)
         g1 = dense(weights["g1"], messages)

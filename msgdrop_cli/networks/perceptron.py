@@ -2,7 +2,6 @@
 
 from torch import Tensor
 
-from msgdrop_cli.networks.inputs import SparseInput
 from msgdrop_cli.networks.stacked import Layers, Stacked, dense, dense_backward, through_relu
 
 
@@ -16,11 +15,9 @@ class Perceptron:
             f"layer{n}": (widths[n - 1], widths[n]) for n in range(1, len(widths))
         }
 
-    def forward(
-        self, weights: Stacked, inputs: Tensor | SparseInput
-    ) -> tuple[Tensor, list[Tensor | SparseInput]]:
+    def forward(self, weights: Stacked, inputs: Tensor) -> tuple[Tensor, list[Tensor]]:
         """inputs: [G, B, inputs]; returns Q [G, B, A] and the inputs of every layer."""
-        trace: list[Tensor | SparseInput] = [inputs]
+        trace: list[Tensor] = [inputs]
         *hidden, last = self.layers
         for name in hidden:
             trace.append(dense(weights[name], trace[-1]).relu_())
@@ -29,7 +26,7 @@ class Perceptron:
     def backward(
         self,
         weights: Stacked,
-        trace: list[Tensor | SparseInput],
+        trace: list[Tensor],
         grad_q: Tensor,
         gradients: Stacked,
     ) -> None:
@@ -37,5 +34,5 @@ class Perceptron:
         gradient = grad_q
         for name, inputs in zip(reversed(list(self.layers)), reversed(trace), strict=True):
             dense_backward(gradients[name], inputs, gradient)
-            if isinstance(inputs, Tensor) and inputs is not trace[0]:
+            if inputs is not trace[0]:
                 gradient = through_relu(weights[name], gradient, inputs)

@@ -12,8 +12,6 @@ from typing import Any, NamedTuple, Protocol
 import torch
 from torch import Tensor
 
-from msgdrop_cli.networks.inputs import SparseInput
-
 Layers = Mapping[str, tuple[int, int]]
 """Layer name to (inputs, outputs)."""
 
@@ -59,7 +57,7 @@ class Network(Protocol):
     hears: int
     """S, the senders whose messages are among its inputs."""
 
-    def forward(self, weights: Stacked, inputs: Tensor | SparseInput) -> tuple[Tensor, Any]:
+    def forward(self, weights: Stacked, inputs: Tensor) -> tuple[Tensor, Any]:
         """Q [G, B, A] of the inputs [G, B, (1+S)*O], and a trace for `backward`."""
 
     def backward(self, weights: Stacked, trace: Any, grad_q: Tensor, gradients: Stacked) -> None:
@@ -86,26 +84,21 @@ def initialise(weights: Stacked, uniforms: Tensor) -> None:
             start += count
 
 
-def dense(layer: Dense, inputs: Tensor | SparseInput) -> Tensor:
+def dense(layer: Dense, inputs: Tensor) -> Tensor:
     """Inputs [G, B, in] times weight plus bias: [G, B, out]."""
-    if isinstance(inputs, SparseInput):
-        return inputs.times(*layer)
     if layer.weight.shape[-1] == 1:  # the matrix library rounds one column otherwise if G is 1
         return (inputs * layer.weight.mT).sum(-1, keepdim=True) + layer.bias
     return torch.baddbmm(layer.bias, inputs, layer.weight)
 
 
-def dense_backward(gradient: Dense, inputs: Tensor | SparseInput, grad_output: Tensor) -> None:
+def dense_backward(gradient: Dense, inputs: Tensor, grad_output: Tensor) -> None:
     """Write dL/dweight and dL/dbias into `gradient`.
 
     grad_output: [G, rows, out], for the first rows of the inputs [G, B, in].
     """
     torch.sum(grad_output, 1, keepdim=True, out=gradient.bias)
-    if isinstance(inputs, SparseInput):
-        inputs.gradient(grad_output, out=gradient.weight)
-    else:
-        rows = inputs[:, : grad_output.shape[1]]
-        torch.bmm(rows.mT, grad_output, out=gradient.weight)
+    rows = inputs[:, : grad_output.shape[1]]
+    torch.bmm(rows.mT, grad_output, out=gradient.weight)
 
 
 def through_relu(layer: Dense, grad_output: Tensor, activation: Tensor) -> Tensor:
