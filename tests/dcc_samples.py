@@ -9,14 +9,20 @@ import pytest
 import torch
 from torch import Tensor
 
+from msgdrop_cli.algorithms.compiled import NAME, SOURCE
 from msgdrop_cli.algorithms.dcc import DCC, Config
 from msgdrop_cli.algorithms.protocol import Batch
-from msgdrop_cli.networks import inputs
-from msgdrop_cli.networks.kernel import kernel
+from msgdrop_cli.networks.kernel import load
 from msgdrop_cli.networks.stacked import initialise
 
 AGENTS, OBSERVATION, ACTIONS = 3, 7, 5
-TINY: Any = SimpleNamespace(agents=AGENTS, observation_size=OBSERVATION, actions=ACTIONS)
+KERNELS = (NAME, "torch")
+TINY: Any = SimpleNamespace(
+    agents=AGENTS,
+    observation_size=OBSERVATION,
+    observation_dtype=torch.uint8,
+    actions=ACTIONS,
+)
 Array = npt.NDArray[np.float64]
 
 
@@ -31,8 +37,8 @@ def integers(below: int, *shape: int, seed: int) -> Tensor:
 
 
 def small_config(**changes: Any) -> Config:
-    """Small networks and as many transitions in a minibatch as actions."""
-    small = {"f_units": (9, 8), "g_units": 10, "h_units": 11, "batch_size": 5}
+    """Small networks that the C file knows, and a minibatch of as many transitions as actions."""
+    small = {"f_units": (16, 32), "g_units": 48, "h_units": 16, "batch_size": 5}
     return Config(**{**small, **changes})
 
 
@@ -68,9 +74,14 @@ def weights_of(learner: DCC, part: str, network: int) -> dict[str, Array]:
     return {n.removeprefix(part + "."): v[network].double().numpy() for n, v in found.items()}
 
 
-def use_arithmetic(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Make the first layer multiply in C or in torch; skips the test where there is no C."""
-    if name == "c-sparse" and kernel() is None:
-        pytest.skip("no C compiler")
+def first_gradient(learner: DCC, layer: str) -> Tensor:
+    """Of the bias of a layer after the first update, from Adam's moment: [G, outputs]."""
+    return learner.adam.moments["exp_avg"][layer].bias[:, 0] / (1 - 0.9)
+
+
+def use_kernel(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Make learners compute in C or in torch; skips the test where there is no C."""
+    if name == NAME and load(SOURCE) is None:
+        pytest.skip("no C compiler, or MSGDROP_KERNEL=torch")
     if name == "torch":
-        monkeypatch.setattr(inputs, "kernel", lambda: None)
+        monkeypatch.setattr("msgdrop_cli.algorithms.compiled.load", lambda _: None)

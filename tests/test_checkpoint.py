@@ -147,7 +147,7 @@ def test_another_kernel_is_refused_before_training(
 ) -> None:
     """The run stays `interrupted`, and goes on with the kernel that it began with."""
     with monkeypatch.context() as patch:
-        patch.setattr("msgdrop_cli.engine.run.kernel_name", lambda: "another")
+        patch.setattr("msgdrop_cli.engine.run.kernel_name", lambda *_: "another")
         with pytest.raises(RunError, match="this process has 'another'"):
             resume(stopped)
     assert json.loads((stopped / "run.json").read_text())["status"] == "interrupted"

@@ -8,18 +8,21 @@ import torch
 
 from msgdrop_cli.algorithms.dcc import DCC, NAMED, PAPER, Config
 from msgdrop_cli.errors import DefinitionError
+from msgdrop_cli.networks.inputs import gathered
 from msgdrop_envs import registry
 from tests.dcc_samples import (
     AGENTS,
+    KERNELS,
     OBSERVATION,
     Array,
+    first_gradient,
     integers,
     make_batch,
     make_learner,
     mask_uniforms,
     rand,
     small_config,
-    use_arithmetic,
+    use_kernel,
     weights_of,
 )
 
@@ -39,23 +42,23 @@ def _q(weights: dict[str, Array], own: Array, messages: Array, message_scale: fl
     return layer("h2", relu(layer("h1", np.concatenate([f, g], -1))))
 
 
-@pytest.mark.parametrize("arithmetic", ["c-sparse", "torch"])
+@pytest.mark.parametrize("kernel", KERNELS)
 @pytest.mark.parametrize("rate", [0.0, 0.3, 0.8, 1.0])
 def test_target_is_the_papers_equation(
-    rate: float, arithmetic: str, monkeypatch: pytest.MonkeyPatch
+    rate: float, kernel: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The TD errors are those of label eq:5, computed in numpy on the same weights and batch.
 
     Every action occurs once in the batch, so h's last bias has the gradient 2 / B * (Q - y) of
     one sample in each place.
     """
-    use_arithmetic(arithmetic, monkeypatch)
+    use_kernel(kernel, monkeypatch)
     learner = make_learner(small_config(rate=rate, gamma=0.9))
     batch, uniforms = make_batch(learner), mask_uniforms(learner)
     online = [weights_of(learner, "online", i) for i in range(AGENTS)]
     target = [weights_of(learner, "target", i) for i in range(AGENTS)]
     learner.update(batch, uniforms)
-    obs, reward = batch.obs.double().numpy(), batch.reward.double().numpy()
+    obs, reward = gathered(batch.obs).double().numpy(), batch.reward.double().numpy()
     b = (uniforms.double().numpy() >= np.float32(rate)).reshape(AGENTS, 5, 2, 1)  # 0: dropped
     for i in range(AGENTS):
         own, messages = obs[i, :, 0], obs[i, :, 1:]
@@ -66,7 +69,7 @@ def test_target_is_the_papers_equation(
         best = values[np.arange(5), q_exec.argmax(-1)]
         y = reward[i] + 0.9 * batch.discount[i].double().numpy() * best
         error = _q(online[i], own[:5], masked)[np.arange(5), np.arange(5)] - y
-        found = learner.adam.gradient["h2"].bias[i, 0].numpy()
+        found = first_gradient(learner, "h2")[i].numpy()
         np.testing.assert_allclose(found, 2 / 5 * error, rtol=1e-4, atol=1e-5)
 
 
@@ -132,14 +135,20 @@ def test_target_network_is_copied_every_period_of_updates() -> None:
         assert torch.equal(learner.target.flat, learner.online.flat) == (update % 3 == 0)
 
 
-def test_metrics_are_means_since_the_last_call() -> None:
+@pytest.mark.parametrize("kernel", KERNELS)
+def test_metrics_are_means_since_the_last_call(
+    kernel: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Loss is None before any update, then the mean of each run's losses, then None again."""
+    use_kernel(kernel, monkeypatch)
     learner = make_learner(small_config(), small_config(rate=0.7))
     assert [row["loss"] for row in learner.metrics(0)] == [None, None]
     losses = []
     for step in range(2):
+        for moment in learner.adam.moments.values():
+            moment.flat.zero_()
         learner.update(make_batch(learner, step), mask_uniforms(learner, 2, step))
-        per_network = learner.adam.gradient["h2"].bias[:, 0]  # 2 / B * error, one sample a place
+        per_network = first_gradient(learner, "h2")  # 2 / B * error, one sample a place
         losses.append((per_network * 5 / 2).square().view(2, -1).mean(1))
     found = [row["loss"] for row in learner.metrics(0)]
     assert found == pytest.approx(torch.stack(losses).mean(0).tolist(), rel=1e-5)

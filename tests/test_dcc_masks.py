@@ -11,7 +11,7 @@ from torch import Tensor
 from msgdrop_cli.algorithms.dcc import DCC, NAMED
 from msgdrop_cli.algorithms.protocol import Batch
 from msgdrop_cli.engine.training import Training
-from msgdrop_cli.networks.inputs import SparseInput
+from msgdrop_cli.networks.inputs import gathered
 from tests.dcc_samples import (
     AGENTS,
     OBSERVATION,
@@ -20,8 +20,16 @@ from tests.dcc_samples import (
     make_learner,
     mask_uniforms,
     small_config,
+    use_kernel,
 )
 from tests.runs import planned
+
+
+@pytest.fixture(autouse=True)
+def torch_path(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The inputs of the networks are seen on the torch path only."""
+    if "at_rate_1" not in request.node.name:
+        use_kernel("torch", monkeypatch)
 
 
 def _recorded(learner: DCC, monkeypatch: pytest.MonkeyPatch) -> list[Tensor]:
@@ -29,11 +37,8 @@ def _recorded(learner: DCC, monkeypatch: pytest.MonkeyPatch) -> list[Tensor]:
     given: list[Tensor] = []
     forward = learner.network.forward
 
-    def record(weights: Any, inputs: Tensor | SparseInput) -> Any:
-        if isinstance(inputs, SparseInput):
-            given.append((inputs.blocks * inputs.factor).flatten(2))
-        else:
-            given.append(inputs.clone())
+    def record(weights: Any, inputs: Tensor) -> Any:
+        given.append(inputs.clone())
         return forward(weights, inputs)
 
     monkeypatch.setattr(learner.network, "forward", record)
@@ -48,7 +53,9 @@ def _given(learner: DCC, monkeypatch: pytest.MonkeyPatch) -> list[Tensor]:
     given = _recorded(learner, monkeypatch)
     runs = learner.online.networks // AGENTS
     batch = make_batch(learner)
-    learner.update(batch._replace(obs=torch.ones_like(batch.obs)), mask_uniforms(learner, runs))
+    learner.update(
+        batch._replace(obs=torch.ones_like(gathered(batch.obs))), mask_uniforms(learner, runs)
+    )
     both, after_masked = given
     shown = learner.shown_agents.shape[1]
     parts = [*both.split(learner.config.batch_size, 1), after_masked]
@@ -115,7 +122,7 @@ def test_every_update_draws_a_mask_of_its_own(
 
     def on_ones(batch: Batch, uniforms: Tensor) -> None:
         given.clear()  # what acting left behind
-        update(batch._replace(obs=torch.ones_like(batch.obs)), uniforms)
+        update(batch._replace(obs=torch.ones_like(gathered(batch.obs))), uniforms)
         masks.append(given[1].view(6, 32, 6, 147)[:, :, 1:, :unit])  # m~' for the target network
 
     monkeypatch.setattr(learner, "update", on_ones)
@@ -140,7 +147,7 @@ def test_at_rate_1_messages_do_not_matter(network: str, dropout: str) -> None:
         for seed in range(3):
             batch, uniforms = make_batch(one, seed), mask_uniforms(one, seed=seed)
             one.update(batch, uniforms)
-            swapped = batch.obs.clone()
+            swapped = gathered(batch.obs).clone()
             swapped[:, :, 1:] = 2 - swapped[:, :, 1:]
             other.update(batch._replace(obs=swapped), uniforms)
         assert torch.equal(one.online.flat, other.online.flat) == (rate == 1)

@@ -7,19 +7,21 @@ import torch
 from torch import nn
 from torch.nn import functional
 
+from msgdrop_cli.networks.inputs import gathered
 from tests.dcc_samples import (
     AGENTS,
+    KERNELS,
     OBSERVATION,
     make_batch,
     make_learner,
     mask_uniforms,
     small_config,
-    use_arithmetic,
+    use_kernel,
 )
 from tests.separate_networks import linears, separate
 
 
-@pytest.mark.parametrize("arithmetic", ["c-sparse", "torch"])
+@pytest.mark.parametrize("kernel", KERNELS)
 @pytest.mark.parametrize(
     "changes",
     [
@@ -31,10 +33,10 @@ from tests.separate_networks import linears, separate
     ids=["dcc-md", "full-sd", "concat-huber", "fdc-clipped"],
 )
 def test_update_equals_separate_modules_and_torchs_adam(
-    changes: dict[str, Any], arithmetic: str, monkeypatch: pytest.MonkeyPatch
+    changes: dict[str, Any], kernel: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Three updates of a cohort of two rates give what six separate agents get, within 1e-6."""
-    use_arithmetic(arithmetic, monkeypatch)
+    use_kernel(kernel, monkeypatch)
     rates = (0.2, 0.6)
     learner = make_learner(*[small_config(**changes, rate=r, learning_rate=1e-3) for r in rates])
     agents = [separate(learner.network, learner.online, n) for n in range(2 * AGENTS)]
@@ -47,7 +49,7 @@ def test_update_equals_separate_modules_and_torchs_adam(
         learner.update(batch, uniforms)
         units = uniforms.view(2 * AGENTS, 5, shown if own else shown - 1, width)
         for n, (agent, target) in enumerate(zip(agents, targets, strict=True)):
-            rate, obs = rates[n // AGENTS], batch.obs[n].float()
+            rate, obs = rates[n // AGENTS], gathered(batch.obs)[n].float()
             keep, scale = torch.ones(5, shown, width), torch.full((shown, 1), 1 - rate)
             keep[:, 0 if own else 1 :] = (units[n] >= rate).float()
             scale[: 0 if own else 1] = 1.0

@@ -10,6 +10,7 @@ from torch import Tensor, nn
 from msgdrop_cli.algorithms.maddpg import MADDPG, Config
 from msgdrop_cli.algorithms.protocol import Batch
 from msgdrop_cli.networks.critic import ConcatCritic, FGHCritic
+from msgdrop_cli.networks.inputs import gathered
 from msgdrop_cli.networks.stacked import Stacked, initialise, parameter_count
 from tests.dcc_samples import rand
 from tests.maddpg_samples import (
@@ -96,7 +97,7 @@ class PlainRun:
 
     def target(self, i: int, batch: Batch, keep: Tensor) -> Tensor:
         """The target y of agent i (l. 273), [B]."""
-        after = batch.obs[SIZE:]
+        after = gathered(batch.obs)[SIZE:]
         actors = [self.target_actors[n] for n in self.network_of]
         action = torch.stack([actor(after[:, j]) for j, actor in enumerate(actors)], 1)
         critic = self.target_critics[self.network_of[i]]
@@ -106,7 +107,7 @@ class PlainRun:
 
     def update(self, batch: Batch, keep: Tensor) -> None:
         """Critics on their loss, then every second time the actors on theirs."""
-        obs = batch.obs[:SIZE]
+        obs = gathered(batch.obs)[:SIZE]
         seen = [self.others(i, obs, batch.action, keep) for i in range(AGENTS)]
         targets = [self.target(i, batch, keep) for i in range(AGENTS)]
         for agents, critic in zip(self.agents, self.critics, strict=True):
@@ -166,7 +167,7 @@ def test_update_equals_separate_modules(changes: dict[str, Any], shared: bool) -
             keep = torch.ones(AGENTS, SIZE, SENDERS)
             if learner.critic.hears:
                 keep = (uniforms[number].view(keep.shape) >= run.rate).float()
-            run.update(Batch(*(part[number] for part in batch)), keep)
+            run.update(Batch(*(part[number] for part in batch if isinstance(part, Tensor))), keep)
     for run in plain:
         _check(learner.critics.online, run.numbers, run.critics)
         _check(learner.critics.target, run.numbers, run.target_critics)
@@ -183,7 +184,7 @@ def test_policy_gradient_equals_autograd(shared: bool) -> None:
     batch, uniforms = make_batch(), mask_uniforms(learner)
     learner.update(batch, uniforms)
     keep = (uniforms.view(AGENTS, SIZE, SENDERS) >= 0.4).float()
-    plain.update(Batch(*(part[0] for part in batch)), keep)
+    plain.update(Batch(*(part[0] for part in batch if isinstance(part, Tensor))), keep)
     gradient = learner.actors.adam.gradient
     for n, actor in enumerate(plain.actors):
         linears = [part for part in actor if isinstance(part, nn.Linear)]

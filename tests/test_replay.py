@@ -9,6 +9,7 @@ from torch import Tensor
 from msgdrop_cli.algorithms.protocol import Batch
 from msgdrop_cli.engine.randomness import Streams
 from msgdrop_cli.engine.replay import Replay
+from msgdrop_cli.networks.inputs import gathered
 from msgdrop_envs.protocol import Transition
 
 RUNS, AGENTS = 2, 3
@@ -115,6 +116,7 @@ class Pair:
 def _check(pair: Pair, last: int) -> None:
     """The replay holds, for every agent, exactly the last steps of the lists."""
     batch, size = pair.everything(), len(pair.replay)
+    obs = gathered(batch.obs)
     for run, steps in enumerate(pair.expected(last)):
         assert len(steps) == size
         seen = torch.tensor([step.seen for step in steps])
@@ -122,7 +124,7 @@ def _check(pair: Pair, last: int) -> None:
         discount = torch.tensor([step.discount for step in steps])
         for agent in range(AGENTS):
             n = run * AGENTS + agent
-            now, then = batch.obs[n, :size], batch.obs[n, size:]  # [size, 1+S, 2]
+            now, then = obs[n, :size], obs[n, size:]  # [size, 1+S, 2]
             assert (now[..., 0] == seen[:, None]).all()
             assert ((then[..., 0] == after[:, None]) | (discount == 0)[:, None]).all()
             assert (now[..., 1] == BLOCKS[agent]).all()
@@ -180,7 +182,7 @@ def test_agents_and_runs_draw_their_own_minibatches() -> None:
     steps = pair.expected(20)
     for run in range(RUNS):
         for agent in range(AGENTS):
-            seen = batch.obs[run * AGENTS + agent, :16, 0, 0].tolist()
+            seen = gathered(batch.obs)[run * AGENTS + agent, :16, 0, 0].tolist()
             assert seen == [steps[run][k].seen for k in drawn[run, agent].tolist()]
     assert len({tuple(row) for row in drawn.flatten(0, 1).tolist()}) == RUNS * AGENTS
 
@@ -192,5 +194,6 @@ def test_only_the_own_block_is_gathered_for_fdc() -> None:
         pair.play()
     rows = pair.replay.rows(torch.zeros(RUNS, AGENTS, 1, dtype=torch.int64))
     batch = pair.replay.gather(rows, BLOCKS[:, :1])
-    assert batch.obs.shape == (RUNS * AGENTS, 2, 1, 2)
-    assert batch.obs[:, 0, 0, 1].tolist() == [0, 1, 2, 0, 1, 2]
+    obs = gathered(batch.obs)
+    assert obs.shape == (RUNS * AGENTS, 2, 1, 2)
+    assert obs[:, 0, 0, 1].tolist() == [0, 1, 2, 0, 1, 2]

@@ -3,9 +3,11 @@
 import pytest
 import torch
 
+from msgdrop_cli.algorithms.maddpg import MADDPG, Config
 from msgdrop_cli.networks import sparse_rows as module
 from msgdrop_cli.networks.sparse_rows import SparseRows, matmul, matmul_gradient, sparse_rows
 from tests.dcc_samples import rand
+from tests.maddpg_samples import TINY
 
 NETWORKS, ROWS = 2, 9
 
@@ -55,3 +57,11 @@ def test_without_a_compiler_rows_stay_a_tensor(monkeypatch: pytest.MonkeyPatch) 
     assert isinstance(sparse_rows(x.to("meta")), torch.Tensor)
     monkeypatch.setattr(module, "_library", lambda: None)
     assert sparse_rows(x) is x
+
+
+def test_the_record_says_what_multiplies(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A resume insists on it: sums are taken in another order without the C file."""
+    assert MADDPG.kernel(Config(), TINY, "meta") == "torch"
+    for found, name in ((object(), "c-sparse-rows"), (None, "torch")):
+        monkeypatch.setattr("msgdrop_cli.networks.sparse_rows._library", lambda found=found: found)
+        assert MADDPG.kernel(Config(), TINY, "cpu") == name

@@ -10,6 +10,28 @@ from torch import Tensor
 ConfigT = TypeVar("ConfigT", bound=Any)
 
 
+def check_ranges(
+    config: Any, *, shares: Sequence[str], amounts: Sequence[str], counts: Sequence[str]
+) -> None:
+    """ValueError with the name of the first field that is out of its range; NaN always is.
+
+    shares lie between 0 and 1, amounts are not negative, counts at least 1; what every learner's
+    Config has is checked in any case.
+    """
+    for name in ("rate", "gamma", *shares):
+        if not 0.0 <= getattr(config, name) <= 1.0:
+            raise ValueError(f"{name} must be between 0 and 1, not {getattr(config, name)}")
+    for name in ("learning_rate", "max_gradient_norm", "replay_start_env_steps", *amounts):
+        if not getattr(config, name) >= 0:
+            raise ValueError(f"{name} must not be negative, not {getattr(config, name)}")
+    common = ("g_units", "h_units", "batch_size", "replay_capacity", "update_every_env_steps")
+    for name in (*common, *counts):
+        if not getattr(config, name) >= 1:
+            raise ValueError(f"{name} must be at least 1, not {getattr(config, name)}")
+    if not min(config.f_units) >= 1:
+        raise ValueError(f"f_units must be at least 1 each, not {list(config.f_units)}")
+
+
 def shared_config(configs: Sequence[ConfigT]) -> ConfigT:
     """The Config that stands for all runs; ValueError if they differ in more than `rate`."""
     if any(replace(each, rate=configs[0].rate) != configs[0] for each in configs):

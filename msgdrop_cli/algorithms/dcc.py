@@ -20,11 +20,12 @@ import torch
 from torch import Tensor
 
 from msgdrop_cli.algorithms.adam import Adam
-from msgdrop_cli.algorithms.cohort import shared_config, shown_agents
+from msgdrop_cli.algorithms.cohort import check_ranges, shared_config, shown_agents
+from msgdrop_cli.algorithms.compiled import NAME, Compiled, library
 from msgdrop_cli.algorithms.protocol import Batch
 from msgdrop_cli.errors import DefinitionError
 from msgdrop_cli.networks.fgh import FGH
-from msgdrop_cli.networks.inputs import masked_input
+from msgdrop_cli.networks.inputs import gathered, masked_input
 from msgdrop_cli.networks.perceptron import Perceptron
 from msgdrop_cli.networks.stacked import Network, Stacked, initialise, parameter_count
 from msgdrop_cli.ops.exploration import annealed_epsilon, epsilon_greedy
@@ -77,19 +78,9 @@ class Config:
     """Env steps from the start value to the final one (l. 753)."""
 
     def __post_init__(self) -> None:
-        for name in ("rate", "gamma", "epsilon_start", "epsilon_final"):
-            if not 0.0 <= getattr(self, name) <= 1.0:
-                raise ValueError(f"{name} must be between 0 and 1, not {getattr(self, name)}")
-        amounts = ("learning_rate", "max_gradient_norm", "epsilon_anneal_env_steps")
-        for name in (*amounts, "replay_start_env_steps"):
-            if getattr(self, name) < 0:
-                raise ValueError(f"{name} must not be negative, not {getattr(self, name)}")
-        counts = ("g_units", "h_units", "batch_size", "replay_capacity", "update_every_env_steps")
-        for name in (*counts, "target_update_every_updates"):
-            if getattr(self, name) < 1:
-                raise ValueError(f"{name} must be at least 1, not {getattr(self, name)}")
-        if min(self.f_units) < 1:
-            raise ValueError(f"f_units must be at least 1 each, not {list(self.f_units)}")
+        shares = ("epsilon_start", "epsilon_final")
+        amounts, counts = ("epsilon_anneal_env_steps",), ("target_update_every_updates",)
+        check_ranges(self, shares=shares, amounts=amounts, counts=counts)
 
 
 NAMED: Mapping[str, Mapping[str, Any]] = {
@@ -131,10 +122,10 @@ class DCC:
         if env.actions == 0:
             raise DefinitionError("dcc picks one of several actions; this environment has none")
         self._runs, self._agents = len(configs), env.agents
-        networks = self._runs * self._agents
         self.network = _network(config, env)
-        self.online = Stacked(self.network.layers, networks, device)
-        self.target = Stacked(self.network.layers, networks, device)
+        self.online, self.target = (
+            Stacked(self.network.layers, self._runs * self._agents, device) for _ in range(2)
+        )
         self.adam = Adam(
             self.online,
             learning_rate=config.learning_rate,
@@ -145,14 +136,15 @@ class DCC:
 
         senders, size = self.network.hears, config.batch_size
         self.shown_agents = shown_agents(self._agents, senders, device)
+        c = library(self.network, env, config.max_gradient_norm, device)
+        self._compiled = None if c is None else Compiled(c, self, env)
         self.rate = torch.tensor([c.rate for c in configs], device=device)  # [R]
         self._scale = execution_scale(self.rate, senders, drops_own=config.drops_own)
         # For m and m': the binary mask over the first B rows, the scale of Q_exec over the rest;
         # [R, N, 2B, 1+S, 1 or O].
         unit = env.observation_size if config.dropout == "element" else 1
-        self._factor = torch.ones(
-            self._runs, self._agents, 2 * size, 1 + senders, unit, device=device
-        )
+        shape = (self._runs, self._agents, 2 * size, 1 + senders, unit)
+        self._factor = torch.ones(shape, device=device)
         self._factor[:, :, size:] = self._scale[:, None, None]
         self._keep = self._factor[:, :, :size, 0 if config.drops_own else 1 :]  # a view
         self.init_uniforms = self._agents * parameter_count(self.network.layers)
@@ -160,6 +152,12 @@ class DCC:
         self.update_uniforms = self._keep[0].numel()
         self._sums = torch.zeros(2, self._runs, device=device)
         self._summed = 0
+
+    @staticmethod
+    def kernel(config: Config, env: Environment, device: torch.device | str) -> str:
+        """What a learner of these settings computes with: `compiled.py` or torch."""
+        c = library(_network(config, env), env, config.max_gradient_norm, device)
+        return "torch" if c is None else NAME
 
     def initialise(self, uniforms: Tensor) -> None:
         """Initialise theta and theta-minus alike (algorithm 1); uniforms [R, init_uniforms]."""
@@ -192,12 +190,15 @@ class DCC:
         obs: [R, E, N, O]; keep: [R, E, N, S] or None if every link works.
         """
         runs, games = obs.shape[:2]
-        shown = obs[:, :, self.shown_agents].transpose(1, 2).flatten(0, 1)  # [G, E, 1+S, O]
         factor = self._scale[:, None, None].repeat(1, self._agents, games, 1, 1)
         if keep is not None:
             factor[:, :, :, 1:, 0] *= keep[..., : self.network.hears].transpose(1, 2)
-        inputs = masked_input(shown.contiguous(), factor.flatten(0, 1))
-        q, _ = self.network.forward(self.online, inputs)  # [G, E, A]
+        factor = factor.flatten(0, 1)  # [G, E, 1+S, 1]
+        if self._compiled is None:
+            shown = obs[:, :, self.shown_agents].transpose(1, 2).flatten(0, 1)  # [G, E, 1+S, O]
+            q, _ = self.network.forward(self.online, masked_input(shown, factor))  # [G, E, A]
+        else:
+            q = self._compiled.q_values(obs, factor)
         return q.view(runs, self._agents, games, -1).transpose(1, 2)
 
     def update(self, batch: Batch, uniforms: Tensor) -> None:
@@ -205,22 +206,35 @@ class DCC:
 
         uniforms: [R, update_uniforms], for the binary mask.
         """
-        size = self.config.batch_size
         factor = self._with_binary_mask(uniforms)  # [G, 2B, 1+S, 1 or O]
-        inputs = masked_input(batch.obs, factor)  # o, m~; and o', m' as Q_exec takes them
-        masked_after = masked_input(batch.obs[:, size:], factor[:, :size])  # o', m~': same mask
+        self.updates += 1
+        if self._compiled is None:
+            loss, q = self._minimise(batch, factor)
+        else:  # the same up to rounding
+            loss, q = self._compiled.minimise(batch, factor, self.updates)
+        if self.updates % self.config.target_update_every_updates == 0:
+            self.target.flat.copy_(self.online.flat)
+        self._sums[0] += loss.view(self._runs, -1).mean(1)
+        self._sums[1] += q.view(self._runs, -1).mean(1)
+        self._summed += 1
+
+    def _minimise(self, batch: Batch, factor: Tensor) -> tuple[Tensor, Tensor]:
+        """The losses [G, B] and Q [G, 2B, A] before the step."""
+        size, obs = self.config.batch_size, gathered(batch.obs)
+        inputs = masked_input(obs, factor)  # o, m~; and o', m' as Q_exec takes them
+        masked_after = masked_input(obs[:, size:], factor[:, :size])  # o', m~': same mask
 
         q, trace = self.network.forward(self.online, inputs)  # [G, 2B, A]
         next_q, _ = self.network.forward(self.target, masked_after)
-        target = double_q_target(
-            batch.reward, self.config.gamma * batch.discount, next_q, q[:, size:]
-        )
+        discount = self.config.gamma * batch.discount
+        target = double_q_target(batch.reward, discount, next_q, q[:, size:])
         action = batch.action[..., None]
         error = q[:, :size].gather(-1, action).squeeze(-1) - target
         loss, slope = loss_gradient(error, self.config.loss)
         grad_q = torch.zeros_like(next_q).scatter_(-1, action, slope[..., None] / size)
         self.network.backward(self.online, trace, grad_q, self.adam.gradient)
-        self._step(loss, q)
+        self.adam.step()
+        return loss, q
 
     def metrics(self, env_steps: int) -> list[dict[str, float | None]]:
         """Each run's epsilon now, and the means of loss and Q since the last call (None: none)."""
@@ -264,15 +278,6 @@ class DCC:
         mask = keep_mask(uniforms.view(len(uniforms), *self._keep.shape[1:]), self.rate)
         self._keep.copy_(mask)
         return self._factor.flatten(0, 1)
-
-    def _step(self, loss: Tensor, q: Tensor) -> None:
-        self.adam.step()
-        self.updates += 1
-        if self.updates % self.config.target_update_every_updates == 0:
-            self.target.flat.copy_(self.online.flat)
-        self._sums[0] += loss.view(self._runs, -1).mean(1)
-        self._sums[1] += q.view(self._runs, -1).mean(1)
-        self._summed += 1
 
 
 def _network(config: Config, env: Environment) -> Network:

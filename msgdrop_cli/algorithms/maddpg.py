@@ -20,14 +20,15 @@ from typing import Any, Literal
 import torch
 from torch import Tensor
 
-from msgdrop_cli.algorithms.cohort import shared_config, shown_agents
+from msgdrop_cli.algorithms.cohort import check_ranges, shared_config, shown_agents
 from msgdrop_cli.algorithms.protocol import Batch
 from msgdrop_cli.algorithms.soft_target import SoftTarget
 from msgdrop_cli.errors import DefinitionError
 from msgdrop_cli.networks.critic import ConcatCritic, Critic, FGHCritic
+from msgdrop_cli.networks.inputs import gathered
 from msgdrop_cli.networks.perceptron import Perceptron
 from msgdrop_cli.networks.shared_others import Blocks, SharedOthers
-from msgdrop_cli.networks.sparse_rows import sparse_rows
+from msgdrop_cli.networks.sparse_rows import NAME, skips_zeros, sparse_rows
 from msgdrop_cli.networks.stacked import Stacked, parameter_count
 from msgdrop_cli.ops.exploration import noisy_action, random_action
 from msgdrop_cli.ops.message_dropout import apply_keep, keep_mask
@@ -77,18 +78,8 @@ class Config:
     """Env steps between two updates of the actor (l. 772); a multiple of the critic's."""
 
     def __post_init__(self) -> None:
-        for name in ("rate", "gamma", "tau"):
-            if not 0.0 <= getattr(self, name) <= 1.0:
-                raise ValueError(f"{name} must be between 0 and 1, not {getattr(self, name)}")
-        for name in ("learning_rate", "max_gradient_norm", "noise", "replay_start_env_steps"):
-            if not getattr(self, name) >= 0:
-                raise ValueError(f"{name} must not be negative, not {getattr(self, name)}")
-        counts = ("actor_units", "g_units", "h_units", "batch_size", "replay_capacity")
-        for name in (*counts, "update_every_env_steps", "actor_update_every_env_steps"):
-            if getattr(self, name) < 1:
-                raise ValueError(f"{name} must be at least 1, not {getattr(self, name)}")
-        if min(self.f_units) < 1:
-            raise ValueError(f"f_units must be at least 1 each, not {list(self.f_units)}")
+        counts = ("actor_units", "actor_update_every_env_steps")
+        check_ranges(self, shares=("tau",), amounts=("noise",), counts=counts)
         if self.actor_update_every_env_steps % self.update_every_env_steps:
             raise ValueError(
                 "actor_update_every_env_steps must be a multiple of update_every_env_steps, not"
@@ -144,6 +135,11 @@ class MADDPG:
         self._sums = torch.zeros(2, self._runs, device=device)
         self._summed = 0
 
+    @staticmethod
+    def kernel(config: Config, env: Environment, device: torch.device | str) -> str:
+        """Torch, but for the first layers where there is a C compiler."""
+        return NAME if skips_zeros(device) else "torch"
+
     def initialise(self, uniforms: Tensor) -> None:
         """New weights, online and target alike; uniforms [R, init_uniforms]."""
         count = self._networks_each * parameter_count(self.actor.layers)
@@ -172,7 +168,7 @@ class MADDPG:
         uniforms: [R, update_uniforms], for the binary mask. The actor's first update comes with
         the critic's first.
         """
-        obs, next_obs = batch.obs[:, : self._size], batch.obs[:, self._size :]  # [R, B, N, O]
+        obs, next_obs = gathered(batch.obs).split(self._size, 1)  # [R, B, N, O]
         shape = (self._runs, self._agents, self._size, self._senders, 1)
         keep = keep_mask(uniforms.view(shape), self.rate).transpose(1, 2)  # x and x' (l. 274)
         own, action, others = self._seen(obs, batch.action, keep)

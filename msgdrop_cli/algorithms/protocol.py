@@ -5,6 +5,8 @@ from typing import Any, NamedTuple, Protocol
 
 from torch import Tensor
 
+from msgdrop_cli.networks.inputs import InMemory
+
 
 class Batch(NamedTuple):
     """A minibatch for every network; G = R*N, the own observation first among the 1 + S blocks.
@@ -12,7 +14,7 @@ class Batch(NamedTuple):
     For a `joint` learner, one for every run, of joint transitions: all agents in order.
     """
 
-    obs: Tensor
+    obs: Tensor | InMemory
     """[G, 2*B, 1+S, O]: the B observations, then the B next ones, as stored; joint [R, 2*B, N, O].
     """
     action: Tensor
@@ -95,6 +97,10 @@ class Learner(Protocol):
 
 class LearnerFactory(Protocol):
     """A learner's class: built from the runs' Configs, which may differ in `rate` only."""
+
+    @staticmethod
+    def kernel(config: Any, env: Any, device: Any) -> str:
+        """The name of what such a learner computes with: equal names, equal bits."""
 
     def __call__(self, configs: Sequence[Any], env: Any, device: Any) -> Learner:
         """Build the learner for `env` (its agents, observation_size, actions and action_size)."""

@@ -12,13 +12,15 @@ import numpy as np
 import torch
 
 import msgdrop_cli
-from msgdrop_cli.networks.kernel import kernel_name
+from msgdrop_cli.algorithms.registry import learner_class
+from msgdrop_cli.definition.spec import RunSpec
+from msgdrop_envs import registry
 from msgdrop_envs.protocol import Environment
 
 _COMMIT = re.compile(r"[0-9a-f]{40}\+?")
 
 
-def facts(env: Environment, device: str, threads: int) -> dict[str, Any]:
+def facts(env: Environment, kernel: str, device: str, threads: int) -> dict[str, Any]:
     """Versions, commit, host, device, threads, and the formulas of the environment's metrics."""
     return {
         "versions": {
@@ -31,9 +33,15 @@ def facts(env: Environment, device: str, threads: int) -> dict[str, Any]:
         "host": _host(),
         "device": device,
         "threads": threads,
-        "kernel": kernel_name(),
+        "kernel": kernel,
         "metrics": {name: asdict(metric) for name, metric in env.metrics.items()},
     }
+
+
+def kernel_name(spec: RunSpec, device: str) -> str:
+    """What computes this run's updates: results are bit-equal only with the same one."""
+    env = registry.make(spec.environment_config, device)
+    return learner_class(spec.algorithm).kernel(spec.algorithm_config, env, device)
 
 
 def commit() -> str | None:

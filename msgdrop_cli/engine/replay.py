@@ -14,6 +14,7 @@ import torch
 from torch import Tensor
 
 from msgdrop_cli.algorithms.protocol import Batch
+from msgdrop_cli.networks.inputs import InMemory
 from msgdrop_envs.protocol import Transition
 
 
@@ -90,17 +91,18 @@ class Replay:
         return (drawn + oldest * self.games) % (self.slots * self.games)
 
     def gather(self, rows: Tensor, shown: Tensor) -> Batch:
-        """Put minibatches together. rows: [R, N, B]; shown: [N, 1+S], whom agent i is shown."""
+        """Minibatches whose observations stay where they are until a network reads them.
+
+        rows: [R, N, B]; shown: [N, 1+S], whom agent i is shown.
+        """
         runs, agents, batch = rows.shape
         networks = runs * agents
         taken = rows + self._first_row[..., None]  # [R, N, B], rows of the flat memories
         now_and_next = torch.cat((rows, self.next_row.view(-1)[taken]), -1)
-        seen = (now_and_next + self._first_obs_row[..., None])[..., None] * agents
-        seen = seen + shown[:, None]  # [R, N, 2B, 1+S]
-        obs = self.obs.view(-1, self.obs.shape[-1]).index_select(0, seen.flatten())
+        seen = (now_and_next + self._first_obs_row[..., None]).view(networks, 2 * batch)
         own = taken * agents + shown[:, :1]  # [R, N, B]
         return Batch(
-            obs=obs.view(networks, 2 * batch, shown.shape[1], -1),
+            obs=InMemory(self.obs.flatten(0, 1), seen, shown),
             action=self.action.view(-1)[own].view(networks, batch).long(),
             reward=self.reward.view(-1)[own].view(networks, batch),
             discount=self.discount.view(-1)[taken].view(networks, batch),

@@ -17,11 +17,10 @@ import torch
 
 from msgdrop_cli.definition.spec import PlannedRun
 from msgdrop_cli.engine.checkpoint import Checkpoint, Checkpoints, restore
-from msgdrop_cli.engine.facts import facts
+from msgdrop_cli.engine.facts import facts, kernel_name
 from msgdrop_cli.engine.tensors import write_tensors
 from msgdrop_cli.engine.training import Training
 from msgdrop_cli.errors import RecordError, RunError
-from msgdrop_cli.networks.kernel import kernel_name
 from msgdrop_cli.records.files import (
     append_jsonl,
     count_jsonl,
@@ -105,21 +104,21 @@ def train_cohort(
                 continue
             path = found.path if found is not None else run_path(root, planned)
             locks.enter_context(run_lock(path))
-            pending.append(_open(planned, path))
+            pending.append(_open(planned, path, device))
         pending.sort(key=lambda run: run.env_steps)
         for _, group in groupby(pending, key=lambda run: run.env_steps):
             outcomes += _train_group(list(group), device, stop)
     return outcomes
 
 
-def _open(planned: PlannedRun, path: Path) -> _Run:
+def _open(planned: PlannedRun, path: Path, device: str) -> _Run:
     record = find_run(path, planned.run_id)
     if record is None:
         record = create_run(path, planned, {})
     checkpoints = Checkpoints(path, planned.run_id)
     checkpoint = checkpoints.latest(count_jsonl(path / METRICS))
     if checkpoint is not None:
-        _check_kernel(checkpoint)
+        _check_kernel(checkpoint, kernel_name(planned.spec, device))
     note = None
     if record.env_steps > (checkpoint.env_steps if checkpoint else 0):
         start = f"{checkpoint.env_steps} env steps" if checkpoint else "the beginning"
@@ -148,6 +147,7 @@ class _Session:
         self.plan = runs[0].planned.spec.training
         self.training = Training([run.planned.spec for run in runs], device)
         self.training.begin()
+        self.kernel = kernel_name(runs[0].planned.spec, device)
         self.logged_at = 0
         for number, run in enumerate(runs):
             if run.checkpoint is not None:
@@ -156,7 +156,9 @@ class _Session:
                 self.logged_at = int(run.checkpoint.counters["logged_at"])
             cut_jsonl(run.path / METRICS, run.rows)
             run.checkpoint = None  # its replay memory has been copied
-            set_status(run.path, "running", **facts(self.training.env, device, THREADS))
+            set_status(
+                run.path, "running", **facts(self.training.env, self.kernel, device, THREADS)
+            )
         self.clock = time.monotonic()
         self.steps_at_start = self.training.env_steps
         self.headline: list[float | None] = [None] * len(runs)
@@ -207,7 +209,7 @@ class _Session:
 
     def _checkpoint(self) -> None:
         for number, run in self._sound():
-            counters = {"rows": run.rows, "logged_at": self.logged_at, "kernel": kernel_name()}
+            counters = {"rows": run.rows, "logged_at": self.logged_at, "kernel": self.kernel}
             run.checkpoints.save(self.training, number, counters)
             set_status(run.path, "running", **self._progress_facts(run))
 
@@ -259,13 +261,13 @@ class _Session:
             write_json_atomic(run.path / PROGRESS, progress, durable=False)
 
 
-def _check_kernel(checkpoint: Checkpoint) -> None:
+def _check_kernel(checkpoint: Checkpoint, kernel: str) -> None:
     """A run goes on with the arithmetic that it began with, or its result would be another."""
     began_with = checkpoint.counters["kernel"]
-    if began_with != kernel_name():
+    if began_with != kernel:
         raise RunError(
             f"{checkpoint.path}: was trained with the {began_with!r} kernel, this process has"
-            f" {kernel_name()!r}; see MSGDROP_KERNEL in msgdrop_cli/networks/kernel.py"
+            f" {kernel!r}; see MSGDROP_KERNEL in msgdrop_cli/networks/kernel.py"
         )
 
 

@@ -5,15 +5,14 @@ from typing import NamedTuple
 import torch
 from torch import Tensor
 
-from msgdrop_cli.networks.inputs import SparseInput, split_own
 from msgdrop_cli.networks.stacked import Apart, Layers, Stacked, dense, dense_backward, through_relu
 
 
 class Trace(NamedTuple):
     """What the backward pass needs of a forward pass, each [G, B, units]."""
 
-    own: Tensor | SparseInput
-    messages: Tensor | SparseInput
+    own: Tensor
+    messages: Tensor
     f1: Tensor
     joint: Tensor
     h1: Tensor
@@ -45,9 +44,9 @@ class FGH:
         }
 
     def forward(self, weights: Stacked, inputs: Tensor | Apart) -> tuple[Tensor, Trace]:
-        """inputs: [G, B, O + S*M]; returns Q [G, B, A] and the trace."""
-        assert isinstance(inputs, Tensor | SparseInput)
-        own, messages = split_own(inputs, self._observation)
+        """inputs: [G, B, O + S*M], a tensor; returns Q [G, B, A] and the trace."""
+        assert isinstance(inputs, Tensor)
+        own, messages = inputs[..., : self._observation], inputs[..., self._observation :]
         f1 = dense(weights["f1"], own).relu_()
         f2 = dense(weights["f2"], f1)
         g1 = dense(weights["g1"], messages)

@@ -1,8 +1,8 @@
-"""Builds `sparse.c` with the machine's C compiler, once, and loads it; without one: None.
+"""Builds a C file with the machine's compiler, once, and loads it; without a compiler: None.
 
 The compiled file lies in the user's cache folder under a name made of the source, the flags, the
 compiler and the processor, so it is never used where it does not belong. `MSGDROP_KERNEL=torch`
-chooses the plain torch path, which gives the same numbers up to rounding (test_kernel).
+chooses the plain torch path, which gives the same numbers up to rounding (test_compiled).
 """
 
 import ctypes
@@ -15,41 +15,19 @@ import tempfile
 from functools import cache
 from pathlib import Path
 
-_SOURCE = Path(__file__).with_name("sparse.c")
-_FLAGS = ("-O3", "-march=native", "-std=c11", "-fPIC", "-shared")
+_FLAGS = ("-O3", "-march=native", "-std=c11", "-fno-math-errno", "-fPIC", "-shared")
 
 
-class Shape(ctypes.Structure):
-    """The sizes and strides that both functions of `sparse.c` take first."""
-
-    _fields_ = tuple(
-        (name, ctypes.c_int64)
-        for name in (
-            *("networks", "rows", "blocks", "units", "factors", "outputs"),
-            *("x_network", "x_row", "f_network", "f_row"),
-        )
-    )
+def kernel_name() -> str:
+    """What this process can compute with; what a run does compute with, its learner says."""
+    return "torch" if _compiler() is None else "c"
 
 
 @cache
-def kernel() -> ctypes.CDLL | None:
-    """The functions of `sparse.c`, or None where there is no C compiler or it is not wanted."""
-    library = load(_SOURCE)
-    if library is None:
-        return None
-    for function, pointers in (("first_layer", 5), ("first_layer_backward", 4)):
-        getattr(library, function).argtypes = (
-            ctypes.POINTER(Shape),
-            *(ctypes.c_void_p for _ in range(pointers)),
-        )
-        getattr(library, function).restype = None
-    return library
-
-
 def load(source: Path) -> ctypes.CDLL | None:
     """The compiled file, or None where there is no C compiler or it is not wanted."""
-    compiler = shutil.which("cc") or shutil.which("gcc") or shutil.which("clang")
-    if compiler is None or os.environ.get("MSGDROP_KERNEL") == "torch":
+    compiler = _compiler()
+    if compiler is None:
         return None
     try:
         return ctypes.CDLL(str(_built(compiler, source)))
@@ -57,9 +35,10 @@ def load(source: Path) -> ctypes.CDLL | None:
         return None
 
 
-def kernel_name() -> str:
-    """What a record says about the arithmetic: runs are bit-equal only with the same one."""
-    return "torch" if kernel() is None else "c-sparse"
+def _compiler() -> str | None:
+    if os.environ.get("MSGDROP_KERNEL") == "torch":
+        return None
+    return shutil.which("cc") or shutil.which("gcc") or shutil.which("clang")
 
 
 def _built(compiler: str, source: Path) -> Path:
@@ -71,7 +50,7 @@ def _built(compiler: str, source: Path) -> Path:
         folder.mkdir(mode=0o700, parents=True, exist_ok=True)
         with tempfile.TemporaryDirectory(dir=folder) as scratch:
             output = Path(scratch) / library.name
-            command = [compiler, *_FLAGS, str(source), "-o", str(output)]
+            command = [compiler, *_FLAGS, str(source), "-o", str(output), "-lm"]
             subprocess.run(command, capture_output=True, check=True, timeout=120)
             seal = Path(scratch) / "seal"
             seal.write_text(_digest(output))

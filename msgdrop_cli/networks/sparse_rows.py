@@ -14,6 +14,7 @@ from torch import Tensor
 
 from msgdrop_cli.networks.kernel import load
 
+NAME = "c-sparse-rows"
 _SOURCE = Path(__file__).with_suffix(".c")
 
 
@@ -48,9 +49,12 @@ class SparseRows:
 
 def sparse_rows(rows: Tensor) -> Tensor | SparseRows:
     """The rows [G, B, in], to be multiplied without their zeros if this machine can."""
-    if rows.device.type == "cpu" and _library() is not None:
-        return SparseRows(rows.contiguous())
-    return rows
+    return SparseRows(rows.contiguous()) if skips_zeros(rows.device) else rows
+
+
+def skips_zeros(device: torch.device | str) -> bool:
+    """Whether zeros are skipped on this device; the bits of a result depend on it."""
+    return torch.device(device).type == "cpu" and _library() is not None
 
 
 def matmul(rows: Tensor | SparseRows, weight: Tensor) -> Tensor:
