@@ -166,13 +166,13 @@ class DCC:
         initialise(self.online, uniforms)
         self.target.flat.copy_(self.online.flat)
 
-    def epsilon(self, env_steps: int) -> float:
+    def epsilon(self, env_steps: float | Tensor) -> float | Tensor:
         """The share of random actions after `env_steps` (l. 753)."""
         c = self.config
         over = c.epsilon_anneal_env_steps
         return annealed_epsilon(env_steps, c.epsilon_start, c.epsilon_final, over)
 
-    def act(self, obs: Tensor, uniforms: Tensor, env_steps: int) -> Tensor:
+    def act(self, obs: Tensor, uniforms: Tensor, env_steps: int | Tensor) -> Tensor:
         """With probability epsilon a random action, otherwise the policy's (l. 201-203).
 
         obs: [R, E, N, O]; uniforms: [R, E, N, 2]. Returns [R, E, N] int64.
@@ -222,9 +222,13 @@ class DCC:
         self.network.backward(self.online, trace, grad_q, self.adam.gradient)
         self._step(loss, q)
 
+    def does_more(self, update: int) -> bool:
+        """Whether the target network is copied at the end of this update, counted from 0."""
+        return (update + 1) % self.config.target_update_every_updates == 0
+
     def metrics(self, env_steps: int) -> list[dict[str, float | None]]:
         """Each run's epsilon now, and the means of loss and Q since the last call (None: none)."""
-        epsilon, learnt = self.epsilon(env_steps), self._summed > 0
+        epsilon, learnt = float(self.epsilon(env_steps)), self._summed > 0
         means = (self._sums / max(self._summed, 1)).T.tolist()
         self._sums.zero_()
         self._summed = 0
@@ -267,9 +271,9 @@ class DCC:
 
     def _step(self, loss: Tensor, q: Tensor) -> None:
         self.adam.step()
-        self.updates += 1
-        if self.updates % self.config.target_update_every_updates == 0:
+        if self.does_more(self.updates):
             self.target.flat.copy_(self.online.flat)
+        self.updates += 1
         self._sums[0] += loss.view(self._runs, -1).mean(1)
         self._sums[1] += q.view(self._runs, -1).mean(1)
         self._summed += 1

@@ -63,7 +63,8 @@ def masked_input(blocks: Tensor, factor: Tensor) -> Tensor | SparseInput:
     """The input of a network: blocks [G, B, 1+S, O] times factor [G, B, 1+S, 1 or O]."""
     if blocks.dtype == torch.uint8 and blocks.device.type == "cpu" and kernel() is not None:
         return SparseInput(blocks, factor)
-    return apply_keep(blocks.float(), factor).flatten(2)
+    # A GPU casts while it multiplies; the CPU falls off its fast path (benchmarks/NOTES.md).
+    return apply_keep(blocks if blocks.is_cuda else blocks.float(), factor).flatten(2)
 
 
 def split_own(inputs: Tensor | SparseInput, observation: int) -> tuple[Tensor | SparseInput, ...]:
