@@ -109,7 +109,8 @@ class Chunks:
         for _ in range(self._steps):
             self._training.advance()
         after = self._training.streams.positions
-        return {name: last - before.get(name, 0) for name, last in after.items()}
+        drawn = {name: last - before.get(name, 0) for name, last in after.items()}
+        return {name: count for name, count in drawn.items() if count}
 
     @contextmanager
     def _in_place(self, pattern: Pattern) -> Iterator[None]:
