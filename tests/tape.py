@@ -55,6 +55,10 @@ class Tape(TorchDispatchMode):
         """The operators that no graph can hold."""
         return {str(call.operator) for call in self.calls if call.waits()}
 
+    def launches(self) -> int:
+        """Operators that compute something: on a GPU a kernel each, or two."""
+        return sum(not _is_view(call) for call in self.calls)
+
     def play(self) -> None:
         """Do it all again."""
         for call in self.calls:
@@ -62,6 +66,13 @@ class Tape(TorchDispatchMode):
             for old, new in zip(tree_leaves(call.result), tree_leaves(again), strict=True):
                 if isinstance(old, Tensor) and old.data_ptr() != new.data_ptr():
                     old.copy_(new)
+
+
+def _is_view(call: Call) -> bool:
+    """Whether the operator only looks at what is there in another way, or only writes a note."""
+    name, returns = call.operator._schema.name, call.operator._schema.returns
+    looks = any(each.alias_info is not None and not each.alias_info.is_write for each in returns)
+    return looks or name == "aten::_unsafe_view" or name.startswith("profiler::")
 
 
 class Tapes:

@@ -4,15 +4,18 @@ There may be no GPU here, so a tape stands for a CUDA graph (tests/tape.py): it 
 the host counts, and sees every operator for which a GPU would have to wait.
 """
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
+from types import SimpleNamespace
 from typing import NamedTuple
 
 import pytest
 import torch
 
 from msgdrop_cli.definition.spec import PlannedRun
-from msgdrop_cli.engine.graphs import Chunks
+from msgdrop_cli.engine.graphs import Chunks, CudaGraphs
 from msgdrop_cli.engine.replay import Replay
 from msgdrop_cli.engine.run import train_cohort
 from msgdrop_cli.engine.training import Training
@@ -66,6 +69,25 @@ def test_nothing_is_asked_within_a_chunk(both: Both) -> None:
     assert {name for tape in both.tapes.tapes for name in tape.waiting()} == set()
 
 
+LAUNCHES = {
+    "pursuit": 345,
+    "pursuit, one game": 200,
+    "pursuit, three games, clipped": 250,
+    "pursuit, elements": 345,
+    "pursuit, own": 330,
+    "pursuit, concatenated": 330,
+    "navigation": 330,
+    "waterworld": 615,
+}
+"""Operators of a step with its updates, at most: telling a GPU costs more than doing."""
+
+
+def test_a_step_takes_no_more_operators(both: Both, request: pytest.FixtureRequest) -> None:
+    """A count that no busy machine can change."""
+    counts = [tape.launches() / STEPS for tape in both.tapes.tapes]
+    assert max(counts) <= LAUNCHES[request.node.callspec.params["both"]]
+
+
 @pytest.mark.parametrize(("case", "env_steps"), [("pursuit", 424), ("waterworld", 240)])
 def test_a_question_is_noticed(case: str, env_steps: int) -> None:
     """The check above fires on what the CPU asks in passing."""
@@ -117,6 +139,41 @@ def test_without_a_recorder_a_step_is_a_step() -> None:
     with torch.no_grad():
         Chunks(training, None, STEPS).advance(100)
     assert training.env_steps == 8
+
+
+def test_the_host_is_one_launch_ahead(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Captured once into the shared pool; each launch waits for the one before, not for itself."""
+    said: list[str] = []
+
+    class Event:
+        def __init__(self, blocking: bool) -> None:
+            self.number = sum(word.startswith("mark") for word in said)
+
+        def record(self) -> None:
+            said.append(f"mark {self.number}")
+
+        def synchronize(self) -> None:
+            said.append(f"wait {self.number}")
+
+    @contextmanager
+    def capture(graph: object, pool: str, capture_error_mode: str) -> Iterator[None]:
+        said.append(f"capture into {pool}")
+        yield
+
+    graph = SimpleNamespace(replay=lambda: said.append("launch"))
+    for name, fake in {
+        "graph_pool_handle": lambda: "pool",
+        "CUDAGraph": lambda: graph,
+        "graph": capture,
+        "Event": Event,
+    }.items():
+        monkeypatch.setattr(torch.cuda, name, fake)
+    again = CudaGraphs().record(lambda: said.append("body"))
+    for _ in range(3):
+        again()
+    assert said[:2] == ["capture into pool", "body"]
+    launches = ["launch", "mark 0", "launch", "mark 1", "wait 0", "launch", "mark 2", "wait 1"]
+    assert said[2:] == launches
 
 
 # Whole runs.
