@@ -58,6 +58,7 @@ class Replay:
         self._first_obs_row = torch.arange(runs, device=device)[:, None] * self.obs.shape[1]
         self._first_row = torch.arange(runs, device=device)[:, None] * rows
         self._game = torch.arange(games, device=device)
+        self._agent = torch.arange(agents, device=device)[None]
 
     def __len__(self) -> int:
         """Transitions of one run that can be sampled."""
@@ -123,12 +124,12 @@ class Replay:
         )
 
     def gather_joint(self, rows: Tensor) -> Batch:
-        """Put one minibatch a run together, of all agents at once. rows: [R, B]."""
+        """One minibatch a run, of all agents at once; likewise. rows: [R, B]."""
         taken = rows + self._first_row  # [R, B], rows of the flat memories
         now_and_next = torch.cat((rows, self.next_row.view(-1)[taken]), -1)  # [R, 2B]
         action = self.action.flatten(0, 1)[taken]
         return Batch(
-            obs=self.obs.flatten(0, 1)[now_and_next + self._first_obs_row],  # [R, 2B, N, O]
+            obs=InMemory(self.obs.flatten(0, 1), now_and_next + self._first_obs_row, self._agent),
             action=action if action.is_floating_point() else action.long(),
             reward=self.reward.flatten(0, 1)[taken],
             discount=self.discount.view(-1)[taken],

@@ -14,14 +14,15 @@ class InMemory:
     memory: Tensor
     """[rows, N, O]: joint observations."""
     rows: Tensor
-    """[G, B] int64, contiguous: the joint rows that each network is shown."""
+    """[G, B] int64, contiguous: the joint rows that each network is shown; joint [R, B]."""
     shown: Tensor
-    """[N, 1+S] int64: the agents in them that agent i is shown."""
+    """[N, 1+S] int64: the agents in them that agent i is shown; joint [1, N], all in order."""
 
     def gathered(self) -> Tensor:
-        """The copy, [G, B, 1+S, O]."""
+        """The copy, [G, B, 1+S, O]; joint [R, B, N, O]."""
         agents, observation = self.memory.shape[1:]
-        blocks = self.rows.view(-1, agents, self.rows.shape[1], 1) * agents + self.shown[:, None]
+        rows = self.rows.view(-1, len(self.shown), self.rows.shape[1], 1)
+        blocks = rows * agents + self.shown[:, None]
         obs = self.memory.view(-1, observation).index_select(0, blocks.flatten())
         return obs.view(*self.rows.shape, self.shown.shape[1], observation)
 

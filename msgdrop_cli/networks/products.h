@@ -44,12 +44,15 @@ INLINE void tile(int rows, int vecs, const Product *p, const float *start, After
         }
 }
 
+/* Outputs: a multiple of LANES, or at least three times LANES. What is left over at the end is one
+ * vector that overlaps the one before it: the same numbers are written twice. */
 static void product(Product p, int64_t rows, int64_t outputs, const float *start, After after,
                     const float *gate, float *c, int64_t ci)
 {
-    for (int64_t n = 0, vecs; n < outputs; n += vecs * LANES) {
-        const int64_t left = (outputs - n) / LANES;
+    for (int64_t next = 0, vecs; next < outputs; next += vecs * LANES) {
+        const int64_t left = (outputs - next + LANES - 1) / LANES;
         vecs = left == 4 ? 2 : left < 3 ? left : 3;
+        const int64_t end = next + vecs * LANES, n = end > outputs ? next - end + outputs : next;
         for (int64_t i = 0, step; i < rows; i += step) {
             const Product q = {p.a + i * p.ai, p.ai, p.ak, p.b + n, p.bk, p.count};
             const float *s = start ? start + n : NULL, *g = gate ? gate + i * ci + n : NULL;
@@ -59,6 +62,7 @@ static void product(Product p, int64_t rows, int64_t outputs, const float *start
             TILE(8, 3); TILE(8, 2); TILE(8, 1);
             TILE(2, 3); TILE(2, 2); TILE(2, 1);
             TILE(1, 3); TILE(1, 2); TILE(1, 1);
+#undef TILE
         }
     }
 }
