@@ -16,6 +16,7 @@ from msgdrop_cli.engine.catalogue import catalogue
 from msgdrop_cli.engine.checkpoint import Checkpoints
 from msgdrop_cli.engine.run import train_cohort
 from msgdrop_envs import registry
+from tests import runs as tiny
 from tests.cli_runs import QUESTION, msgdrop
 
 KNOWN = catalogue()
@@ -122,6 +123,14 @@ def test_memory_is_named_where_it_lacks(question: Path, monkeypatch: pytest.Monk
     assert said.code == 2
     assert "1,000 bytes) are free" in said.err.splitlines()[-1]
     estimate.check_memory(10**18, "cuda")
+
+
+def test_a_gpu_gets_all_that_can_be_stacked() -> None:
+    """Seeds and rates of one network train together there, each alone on a processor."""
+    runs = [tiny.planned(seed=seed, rate=rate) for rate in (0.0, 0.2) for seed in (1, 2, 3)]
+    other = tiny.planned("fdc")
+    assert estimate.cohorts([*runs, other], "cuda") == [tuple(runs), (other,)]
+    assert [len(cohort) for cohort in estimate.cohorts([*runs, other], "cpu")] == [1] * 7
 
 
 def test_free_memory_is_a_part_of_the_machines() -> None:

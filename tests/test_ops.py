@@ -140,6 +140,25 @@ def test_epsilon_is_annealed_linearly_and_then_stays() -> None:
     assert annealed_epsilon(0, 1.0, 0.02, 0) == 0.02
 
 
+@pytest.mark.parametrize("over", [0, 3, 2_000_000])
+def test_epsilon_of_a_tensor_has_the_bits_of_a_number(over: int) -> None:
+    """A step that is repeated on a GPU counts in tensors, and explores no other action."""
+    steps = [*range(1, 40), 123_457, 1_999_999, 2_000_001]
+    found = [annealed_epsilon(torch.tensor(float(s)).double(), 1.0, 0.02, over) for s in steps]
+    assert [float(f) for f in found] == [annealed_epsilon(s, 1.0, 0.02, over) for s in steps]
+
+
+def test_a_number_at_epsilon_explores_neither_way() -> None:
+    """Numbers just below, at and above epsilon are judged alike against a number and a tensor."""
+    q = torch.tensor([[0.0, 1.0]] * 3)
+    epsilon = annealed_epsilon(7_777, 1.0, 0.02, 100_000)
+    at = torch.tensor(epsilon)
+    first = torch.stack((at.nextafter(torch.tensor(0.0)), at, at.nextafter(torch.tensor(1.0))))
+    uniforms = torch.stack((first, torch.zeros(3)), -1)
+    actions = epsilon_greedy(q, uniforms, epsilon)
+    assert torch.equal(actions, epsilon_greedy(q, uniforms, torch.tensor(epsilon).double()))
+
+
 def test_epsilon_greedy_by_pencil() -> None:
     """The first number decides whether to explore (below epsilon), the second one where."""
     q = torch.tensor([[0.0, 3.0, 1.0]] * 4)

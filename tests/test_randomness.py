@@ -160,3 +160,21 @@ def test_integers_are_uniform(below: int) -> None:
     numbers = Streams([12]).integers("replay", below, 200_000)[0]
     assert (int(numbers.min()), int(numbers.max())) == (0, below - 1)
     assert _chi_squared(numbers, below) < _limit(below)
+
+
+@pytest.mark.parametrize("before", [0, 1, 192, BLOCK + 7])
+def test_loaded_numbers_are_the_same_at_the_same_place(before: int) -> None:
+    """What is loaded ahead in one place is what would have come, and drawing goes on behind it."""
+    streams, plain = Streams([3, 4]), Streams([3, 4])
+    for each in (streams, plain):
+        each.uniforms("env", before)
+    places = set()
+    for _ in range(3):
+        streams.load("env", 35)
+        for size in (17, 18):
+            numbers = streams.integers("env", 1 << 20, size)
+            assert torch.equal(numbers, plain.integers("env", 1 << 20, size))
+        places.add(streams._blocks["env"][1].data_ptr())
+    assert len(places) == 1
+    assert torch.equal(streams.uniforms("env", 50), plain.uniforms("env", 50))
+    assert streams.positions == plain.positions

@@ -7,6 +7,7 @@ from typing import Any, TypeVar
 import torch
 from torch import Tensor
 
+from msgdrop_envs import waiting
 from msgdrop_envs.protocol import Environment, Transition
 
 StateT = TypeVar("StateT")
@@ -60,7 +61,7 @@ def step(
     """
     games, transition = play(env, games, actions, uniforms)
     ended = transition.ended
-    if ended.device.type == "cpu" and not ended.any():  # a shortcut, never another result
+    if waiting.can_ask(ended) and not ended.any():  # a shortcut, never another result
         return games, transition
     fresh = env.reset(reset_uniforms)
     obs = torch.where(ended[..., None, None], env.observe(fresh), games.obs)

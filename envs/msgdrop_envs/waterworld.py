@@ -26,8 +26,10 @@ from typing import TYPE_CHECKING, Literal
 import torch
 from torch import Tensor
 
+from msgdrop_envs import waiting
 from msgdrop_envs.protocol import Metric, Reference, Transition
 from msgdrop_envs.waterworld_places import outside
+from msgdrop_envs.waterworld_planes import games_first, games_last
 from msgdrop_envs.waterworld_sensors import Sensors
 
 if TYPE_CHECKING:
@@ -257,13 +259,19 @@ class Waterworld:
         """Give caught food and met poison a new place and velocity, in place."""
         _, caught, met = self._contacts(positions)
         gone = torch.cat((caught, met)).t()  # [B, M+L]
-        numbers = uniforms.reshape(*gone.shape, 4)[gone]
-        which = gone.nonzero()[:, 1]
-        places = outside(numbers[:, :2], self._berth[self.agents :, 0][which])
-        positions[:, self.agents :].permute(2, 1, 0)[gone] = places
-        velocities[:, self.agents :].permute(2, 1, 0)[gone] = (numbers[:, 2:] - 0.5) * self._speed[
-            which
-        ]
+        numbers = uniforms.reshape(*gone.shape, 4)
+        berth, speed = self._berth[self.agents :, 0], self._speed
+        few = waiting.can_ask(gone)  # else all get a place, and some take it
+        if few:
+            numbers, which = numbers[gone], gone.nonzero()[:, 1]
+            berth, speed = berth[which], speed[which]
+        places, speeds = outside(numbers[..., :2], berth), (numbers[..., 2:] - 0.5) * speed
+        for old, new in ((positions, places), (velocities, speeds)):
+            objects = old[:, self.agents :].permute(2, 1, 0)  # [B, M+L, 2]
+            if few:
+                objects[gone] = new
+            else:
+                objects.copy_(torch.where(gone[..., None], new, objects))
 
     def _move(self, positions: Tensor, velocities: Tensor, push: Tensor) -> tuple[Tensor, Tensor]:
         """Everybody by its velocity; then the walls, then the obstacle. velocities change."""
@@ -285,15 +293,3 @@ class Waterworld:
     def _paid(self, touch: Tensor) -> Tensor:
         """How many times each pursuer is paid for these contacts: [N, B]."""
         return (touch.any(1) if self.config.rewards_once else touch.sum(1)).float()
-
-
-def games_last(tensor: Tensor) -> Tensor:
-    """[..., E, 2] as [2, E, games]: a packed copy, always, since `step` writes into it."""
-    *batch, entities, axes = tensor.shape
-    planes = tensor.reshape(math.prod(batch), entities, axes).permute(2, 1, 0)
-    return planes.clone(memory_format=torch.contiguous_format)
-
-
-def games_first(planes: Tensor, batch: torch.Size) -> Tensor:
-    """[2, E, games] as [*batch, E, 2], packed."""
-    return planes.permute(2, 1, 0).contiguous().view(*batch, planes.shape[1], 2)

@@ -7,6 +7,7 @@ meets nothing it reads 0 and 0.
 
 Of the pairs of pursuer and object few are near each other, and of the sensors of a near pair few
 meet: each is sought among the former, with no loop and no [pursuers, objects, sensors] tensor.
+A GPU, which would have to tell the host how many there are, looks at all of them instead.
 """
 
 import math
@@ -14,6 +15,8 @@ from typing import TYPE_CHECKING
 
 import torch
 from torch import Tensor
+
+from msgdrop_envs import waiting
 
 if TYPE_CHECKING:
     from msgdrop_envs.waterworld import Config
@@ -34,7 +37,7 @@ class Sensors:
         # Rounded, so that a quarter turn has the cosine 0 and not 6e-17.
         self._cos = angles.cos().round(decimals=12).float().to(device)
         self._sin = angles.sin().round(decimals=12).float().to(device)
-        numbers = (agents, config.food, config.poison)
+        self._numbers = numbers = (agents, config.food, config.poison)
         kinds = [kind for kind, number in enumerate(numbers) for _ in range(number)]
         self._kinds = torch.tensor(kinds, device=device)
         widths = config.radii if config.sensor_width == "object" else (config.radius,) * CLASSES
@@ -55,7 +58,8 @@ class Sensors:
         obs = positions.new_zeros(games, config.pursuers, self.size)
         own = positions[:, : config.pursuers].permute(2, 1, 0)  # [B, N, 2]
         obs[..., :2] = own * 2 - 1 if config.sensors_scaled else own
-        self._sense(obs, positions, velocities)
+        sense = self._sense if waiting.can_ask(positions) else self._sense_all
+        sense(obs, positions, velocities)
         if config.senses_obstacle:
             start = 2 + 2 * CLASSES * config.sensors
             obs[..., start : start + config.sensors] = self._obstacle(own)
@@ -104,6 +108,36 @@ class Sensors:
         flat = obs.view(-1)
         flat[column] = distance
         flat[column + config.sensors] = speed
+
+    def _sense_all(self, obs: Tensor, positions: Tensor, velocities: Tensor) -> None:
+        """The same bits as `_sense` from tensors whose shapes do not depend on what is met."""
+        config, agents, rays = self.config, self.config.pursuers, self.config.sensors
+        cos, sin = self._cos[:, None], self._sin[:, None]  # [S, 1]
+        away = positions[:, None] - positions[:, :agents, None]  # [2, N, N+M+L, B]
+        x, y = away[..., None, :]  # [N, N+M+L, 1, B]
+        distance = x * cos + y * sin  # [N, N+M+L, S, B]
+        met = (distance >= 0) & (distance <= config.sensor_range)
+        met &= (x * sin - y * cos).abs() <= self._widths[:, None, None]
+        met &= (self._near > 0)[..., None]  # nobody senses itself
+        distance = torch.where(met, distance + 0.0, math.inf)  # no -0
+        first = 0
+        for kind, number in enumerate(self._numbers):
+            if number == 0:
+                continue
+            of_kind = distance[:, first : first + number]
+            which = of_kind.argmin(1, keepdim=True)  # [N, 1, S, B], of equally near ones the first
+            nearest = of_kind.gather(1, which)[:, 0]  # [N, S, B]
+            others = velocities[:, first : first + number, None]
+            others = others.expand(-1, -1, rays, -1)[:, None].expand(-1, agents, -1, -1, -1)
+            other = others.gather(2, which.expand(2, -1, -1, -1, -1))[:, :, 0]  # [2, N, S, B]
+            u, v = other - velocities[:, :agents, None]
+            speed = u * cos + v * sin
+            if config.sensors_scaled:
+                nearest, speed = nearest / config.sensor_range, speed / config.velocity_unit
+            start = 2 + kind * 2 * rays
+            shown = torch.where(nearest < math.inf, torch.stack((nearest, speed)), 0.0)
+            obs[..., start : start + 2 * rays] = shown.permute(3, 1, 0, 2).flatten(2)
+            first += number
 
     def _obstacle(self, own: Tensor) -> Tensor:
         """Distance along each sensor to the obstacle's rim; own: [B, N, 2]; returns [B, N, S]."""

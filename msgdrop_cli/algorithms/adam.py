@@ -20,7 +20,12 @@ class Adam:
         self._max_gradient_norm = max_gradient_norm
         self.gradient = Stacked(weights.layers, weights.networks, device)
         weights.flat.grad = self.gradient.flat
-        self._adam = torch.optim.Adam([weights.flat], lr=learning_rate, fused=True)
+        # On a GPU the step may be captured in a graph, and may as well not be: both are meant.
+        capturable = weights.flat.is_cuda
+        self._adam = torch.optim.Adam(
+            [weights.flat], lr=learning_rate, fused=True, capturable=capturable
+        )
+        vars(self._adam)["_warned_capturable_if_run_uncaptured"] = True
         # Moments that are Stacked too, so that a run's share can be taken out.
         self.moments = {
             name: Stacked(weights.layers, weights.networks, device)

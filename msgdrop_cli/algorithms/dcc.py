@@ -164,13 +164,13 @@ class DCC:
         initialise(self.online, uniforms)
         self.target.flat.copy_(self.online.flat)
 
-    def epsilon(self, env_steps: int) -> float:
+    def epsilon(self, env_steps: float | Tensor) -> float | Tensor:
         """The share of random actions after `env_steps` (l. 753)."""
         c = self.config
         over = c.epsilon_anneal_env_steps
         return annealed_epsilon(env_steps, c.epsilon_start, c.epsilon_final, over)
 
-    def act(self, obs: Tensor, uniforms: Tensor, env_steps: int) -> Tensor:
+    def act(self, obs: Tensor, uniforms: Tensor, env_steps: int | Tensor) -> Tensor:
         """With probability epsilon a random action, otherwise the policy's (l. 201-203).
 
         obs: [R, E, N, O]; uniforms: [R, E, N, 2]. Returns [R, E, N] int64.
@@ -207,13 +207,13 @@ class DCC:
         uniforms: [R, update_uniforms], for the binary mask.
         """
         factor = self._with_binary_mask(uniforms)  # [G, 2B, 1+S, 1 or O]
-        self.updates += 1
         if self._compiled is None:
             loss, q = self._minimise(batch, factor)
         else:  # the same up to rounding
-            loss, q = self._compiled.minimise(batch, factor, self.updates)
-        if self.updates % self.config.target_update_every_updates == 0:
+            loss, q = self._compiled.minimise(batch, factor, self.updates + 1)
+        if self.does_more(self.updates):
             self.target.flat.copy_(self.online.flat)
+        self.updates += 1
         self._sums[0] += loss.view(self._runs, -1).mean(1)
         self._sums[1] += q.view(self._runs, -1).mean(1)
         self._summed += 1
@@ -236,9 +236,13 @@ class DCC:
         self.adam.step()
         return loss, q
 
+    def does_more(self, update: int) -> bool:
+        """Whether the target network is copied at the end of this update, counted from 0."""
+        return (update + 1) % self.config.target_update_every_updates == 0
+
     def metrics(self, env_steps: int) -> list[dict[str, float | None]]:
         """Each run's epsilon now, and the means of loss and Q since the last call (None: none)."""
-        epsilon, learnt = self.epsilon(env_steps), self._summed > 0
+        epsilon, learnt = float(self.epsilon(env_steps)), self._summed > 0
         means = (self._sums / max(self._summed, 1)).T.tolist()
         self._sums.zero_()
         self._summed = 0
@@ -288,10 +292,7 @@ def _network(config: Config, env: Environment) -> Network:
     if config.network == "concat":
         return Perceptron(observation * (1 + senders), senders, units, env.actions)
     return FGH(
-        observation,
-        observation,
-        senders,
-        env.actions,
+        *(observation, observation, senders, env.actions),
         own_units=config.f_units,
         message_units=config.g_units,
         joint_units=config.h_units,

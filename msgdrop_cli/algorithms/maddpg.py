@@ -146,12 +146,12 @@ class MADDPG:
         self.actors.initialise(uniforms[:, :count])
         self.critics.initialise(uniforms[:, count:])
 
-    def act(self, obs: Tensor, uniforms: Tensor, env_steps: int) -> Tensor:
+    def act(self, obs: Tensor, uniforms: Tensor, env_steps: int | Tensor) -> Tensor:
         """The actor's action with Gaussian noise (l. 772); random ones before learning begins.
 
         obs: [R, E, N, O]; uniforms: [R, E, N, 2*A]. Returns [R, E, N, A] float32.
         """
-        if env_steps < self.config.replay_start_env_steps:
+        if isinstance(env_steps, int) and env_steps < self.config.replay_start_env_steps:
             return random_action(uniforms)
         return noisy_action(self._mu(self.actors.online, obs), uniforms, self.config.noise)
 
@@ -185,12 +185,16 @@ class MADDPG:
         grad_q = slope / q.shape[1]
         self.critic.backward(self.critics.online, trace, grad_q, self.critics.adam.gradient)
         self.critics.step()
-        if self.updates % self._critic_updates_each == 0:
+        if self.does_more(self.updates):
             self._improve_actor(own, others)
         self.updates += 1
         self._sums[0] += loss.view(self._runs, -1).mean(1)
         self._sums[1] += q.view(self._runs, -1).mean(1)
         self._summed += 1
+
+    def does_more(self, update: int) -> bool:
+        """Whether the actor improves, too."""
+        return update % self._critic_updates_each == 0
 
     def metrics(self, env_steps: int) -> list[dict[str, float | None]]:
         """Each run's means of loss and Q since the last call; None without an update."""

@@ -66,9 +66,11 @@ class Learner(Protocol):
     def initialise(self, uniforms: Tensor) -> None:
         """Make new weights; uniforms [R, init_uniforms]."""
 
-    def act(self, obs: Tensor, uniforms: Tensor, env_steps: int) -> Tensor:
+    def act(self, obs: Tensor, uniforms: Tensor, env_steps: int | Tensor) -> Tensor:
         """Behave in training; obs [R, E, N, O], uniforms [R, E, N, act_uniforms].
 
+        env_steps: after how many; a float64 tensor [] in steps that are recorded to be repeated,
+        which are never before the replay start.
         Returns [R, E, N] int64, or [R, E, N, A] float32 if actions are continuous.
         """
 
@@ -77,6 +79,9 @@ class Learner(Protocol):
 
     def update(self, batch: Batch, uniforms: Tensor) -> None:
         """Learn from one minibatch; uniforms [R, update_uniforms]."""
+
+    def does_more(self, update: int) -> bool:
+        """Whether update number `update`, from 0, does what only some do, such as a copy."""
 
     def metrics(self, env_steps: int) -> list[dict[str, float | None]]:
         """Each run's means since the last call; not a number where the run diverged."""

@@ -82,13 +82,12 @@ def survey(runs: Sequence[PlannedRun], root: Path) -> Survey:
     )
 
 
-def cohorts(runs: Sequence[PlannedRun], workers: int, device: str) -> list[tuple[PlannedRun, ...]]:
+def cohorts(runs: Sequence[PlannedRun], device: str) -> list[tuple[PlannedRun, ...]]:
     """The runs that train stacked. On a processor alone: stacking gains 5%, and a fault costs all.
 
-    On a GPU launches are what takes the time, so as many as there are for each worker.
+    On a GPU launches are what takes the time, so all that can be: two workers would take turns.
     """
-    together = -(-len(runs) // workers) if device == "cuda" else 1
-    return group(runs, together) if runs else []
+    return group(runs, len(runs) if device == "cuda" else 1) if runs else []
 
 
 def estimate(

@@ -46,7 +46,7 @@ def carry_out(definition: Definition, options: TrainOptions) -> int:
     check_device(options.device)
     looked_up = survey(asked.runs, options.results)
     check_claims(asked, looked_up.pending)
-    tasks = cohorts(looked_up.pending, options.workers, options.device)
+    tasks = cohorts(looked_up.pending, options.device)
     cost = estimate(
         looked_up,
         tasks,

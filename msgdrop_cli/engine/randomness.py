@@ -28,14 +28,23 @@ class Streams:
         self.positions: dict[str, int] = {}
         self._keys: dict[str, Tensor] = {}
         self._blocks: dict[str, tuple[int, Tensor]] = {}
+        self._places: dict[tuple[str, int], Tensor] = {}
 
     def uniforms(self, name: Name, *shape: int) -> Tensor:
         """The next float32 numbers in [0, 1), multiples of 2^-24: [R, *shape]."""
         return ((self._draw(name, shape) >> 8) * 2.0**-24).view(len(self._seeds), *shape)
 
-    def integers(self, name: Name, below: int, *shape: int) -> Tensor:
+    def integers(self, name: Name, below: int | Tensor, *shape: int) -> Tensor:
         """The next integers, uniform on 0 to below - 1 (below < 2^31): [R, *shape] int64."""
         return ((self._draw(name, shape) * below) >> 32).view(len(self._seeds), *shape)
+
+    def load(self, name: str, count: int) -> None:
+        """Have the next `count` numbers lie where those of the last such call lay (graphs.py)."""
+        position = self.positions.get(name, 0)
+        bits = self._bits(name, position // 2, count // 2 + 1)
+        bits = bits[:, position % 2 : position % 2 + count]
+        place = self._places.setdefault((name, count), torch.empty_like(bits))
+        self._blocks[name] = (position, place.copy_(bits))
 
     def _draw(self, name: Name, shape: tuple[int, ...]) -> Tensor:
         count = torch.Size(shape).numel()
@@ -48,7 +57,7 @@ class Streams:
         self.positions[name] = position + count
         return block[:, position - start : position - start + count]
 
-    def _bits(self, name: Name, first_word: int, words: int) -> Tensor:
+    def _bits(self, name: str, first_word: int, words: int) -> Tensor:
         """32-bit numbers, two from each 64-bit word: [R, 2 * words] int64."""
         if name not in self._keys:
             keys = [[_signed(stream_key(seed, name))] for seed in self._seeds]

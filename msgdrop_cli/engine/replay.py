@@ -15,6 +15,7 @@ from torch import Tensor
 
 from msgdrop_cli.algorithms.protocol import Batch
 from msgdrop_cli.networks.inputs import InMemory
+from msgdrop_envs import waiting
 from msgdrop_envs.protocol import Transition
 
 
@@ -40,6 +41,8 @@ class Replay:
         rows = self.slots * games
         self.added = 0
         """Steps stored so far by each game."""
+        self.clock: Tensor | None = None
+        """`added` as an int64 tensor [], while steps are recorded to be repeated (graphs.py)."""
         # The last rows: the ends of cut episodes, then one for what nobody needs.
         self.obs = torch.zeros(
             runs, rows + self._ends * games + 1, agents, observation, dtype=dtype, device=device
@@ -60,6 +63,13 @@ class Replay:
         """Transitions of one run that can be sampled."""
         return min(self.added, self.slots - 1) * self.games
 
+    @property
+    def held(self) -> int | Tensor:
+        """`len(self)`, as a tensor [] where there is a clock."""
+        if self.clock is None:
+            return len(self)
+        return self.clock.clamp(max=self.slots - 1) * self.games
+
     def begin(self, obs: Tensor) -> None:
         """Store what the agents see before their first action: [R, E, N, O]."""
         self.obs[:, : self.games] = obs
@@ -70,24 +80,28 @@ class Replay:
         actions [R, E, N] or [R, E, N, A]; transition [R, E, ...]; next_obs [R, E, N, O] after any
         restart.
         """
-        here = self._rows(self.added)
-        there = self._rows(self.added + 1)
+        now = self.added if self.clock is None else self.clock
+        here, there = self._rows(now), self._rows(now + 1)
         cut = transition.ended & (transition.discount > 0)  # [R, E]
-        end = self._end_rows(self.added)
+        end = self._end_rows(now)
         self.action[:, here] = actions.to(self.action.dtype)
         self.reward[:, here] = transition.reward
         self.discount[:, here] = transition.discount
         self.obs[:, there] = next_obs
-        self.next_row[:, here] = torch.where(cut, end, self._game + there.start).int()
+        self.next_row[:, here] = torch.where(cut, end, self._game + self._first(now + 1)).int()
         spare = self.obs.shape[1] - 1
         target = torch.where(cut, end, spare) + self._first_obs_row  # [R, E]
-        if target.device.type != "cpu" or cut.any():  # a shortcut, never another result
+        if not waiting.can_ask(cut) or cut.any():  # a shortcut, never another result
             self.obs.flatten(0, 1)[target.flatten()] = transition.obs.flatten(0, 1)
         self.added += 1
+        if self.clock is not None:
+            self.clock += 1
 
     def rows(self, drawn: Tensor) -> Tensor:
         """The rows of the drawn transitions; drawn: integers below len(self), 0 the oldest."""
-        oldest = max(self.added - self.slots + 1, 0)
+        now = self.added if self.clock is None else self.clock
+        gone = now - (self.slots - 1)
+        oldest = gone.clamp(min=0) if isinstance(gone, Tensor) else max(gone, 0)
         return (drawn + oldest * self.games) % (self.slots * self.games)
 
     def gather(self, rows: Tensor, shown: Tensor) -> Batch:
@@ -154,11 +168,18 @@ class Replay:
     def _slots(self, first: int, last: int) -> Tensor:
         return torch.arange(first, last, device=self.obs.device) % self.slots
 
-    def _rows(self, step: int) -> slice:
-        first = (step % self.slots) * self.games
+    def _first(self, step: int | Tensor) -> int | Tensor:
+        """The first row of a step."""
+        return (step % self.slots) * self.games
+
+    def _rows(self, step: int | Tensor) -> slice | Tensor:
+        """The rows of a step, [E] if it is told by the clock."""
+        first = self._first(step)
+        if isinstance(first, Tensor):
+            return first + self._game
         return slice(first, first + self.games)
 
-    def _end_rows(self, step: int) -> Tensor:
+    def _end_rows(self, step: int | Tensor) -> Tensor:
         """Where a game's cut episode keeps its last observation; two are `time_limit` apart."""
         window = (step // self.time_limit) % self._ends
         return self._game * self._ends + window + self.slots * self.games

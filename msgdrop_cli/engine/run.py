@@ -18,6 +18,7 @@ import torch
 from msgdrop_cli.definition.spec import PlannedRun
 from msgdrop_cli.engine.checkpoint import Checkpoint, Checkpoints, restore
 from msgdrop_cli.engine.facts import facts, kernel_name
+from msgdrop_cli.engine.graphs import Chunks, recorder
 from msgdrop_cli.engine.tensors import write_tensors
 from msgdrop_cli.engine.training import Training
 from msgdrop_cli.errors import RecordError, RunError
@@ -148,6 +149,7 @@ class _Session:
         self.training = Training([run.planned.spec for run in runs], device)
         self.training.begin()
         self.kernel = kernel_name(runs[0].planned.spec, device)
+        self.chunks = Chunks(self.training, recorder(device))
         self.logged_at = 0
         for number, run in enumerate(runs):
             if run.checkpoint is not None:
@@ -170,7 +172,7 @@ class _Session:
         with torch.no_grad():
             while training.env_steps < plan.train_env_steps:
                 before = training.env_steps
-                training.advance()
+                self.chunks.advance(self._steps_to_write())
                 if self._passes(before, plan.log_every_env_steps):
                     self._log()
                 if all(run.diverged for run in self.runs):
@@ -184,6 +186,13 @@ class _Session:
                         self._checkpoint()
                         return self._close("interrupted")
         return self._finish()
+
+    def _steps_to_write(self) -> int:
+        """Steps until there is something to log or to keep."""
+        plan, now = self.plan, self.training.env_steps
+        each = (plan.log_every_env_steps, plan.checkpoint_every_env_steps)
+        next_stop = min(plan.train_env_steps, *((now // every + 1) * every for every in each))
+        return -(-(next_stop - now) // plan.games)
 
     def _passes(self, before: int, every: int) -> bool:
         return before // every != self.training.env_steps // every

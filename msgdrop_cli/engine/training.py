@@ -66,7 +66,9 @@ class Training:
         """Each agent acts, and explores (l. 199-207): [R, E, N], or [R, E, N, A] numbers."""
         shape = (self.games_each, self.env.agents, self.learner.act_uniforms)
         uniforms = self.streams.uniforms("explore", *shape)
-        return self.learner.act(self.games.obs, uniforms, self.env_steps)
+        clock = self.replay.clock
+        now = self.env_steps if clock is None else (clock * self.games_each).double()
+        return self.learner.act(self.games.obs, uniforms, now)
 
     def play(self, actions: Tensor) -> None:
         """Execute the joint actions and store the transitions (l. 207-213)."""
@@ -86,7 +88,7 @@ class Training:
         """Sample a minibatch for each agent from its memory (l. 215), or one for all (joint)."""
         joint, size = self.learner.joint, self.learner.config.batch_size
         shape = (size,) if joint else (self.env.agents, size)
-        rows = self.replay.rows(self.streams.integers("replay", len(self.replay), *shape))
+        rows = self.replay.rows(self.streams.integers("replay", self.replay.held, *shape))
         if joint:
             return self.replay.gather_joint(rows)
         return self.replay.gather(rows, self.learner.shown_agents)
@@ -109,11 +111,15 @@ class Training:
 
     def updates_due(self) -> int:
         """Updates that the last step calls for: one every `update_every_env_steps`."""
+        return self.updates_due_at(self.env_steps)
+
+    def updates_due_at(self, env_steps: int) -> int:
+        """Updates that are due after a step that ends at so many env steps."""
         config = self.learner.config
-        if self.env_steps <= config.replay_start_env_steps:
+        if env_steps <= config.replay_start_env_steps:
             return 0
         every: int = config.update_every_env_steps
-        return self.env_steps // every - (self.env_steps - self.games_each) // every
+        return env_steps // every - (env_steps - self.games_each) // every
 
 
 def ratio(metric: Metric, sums: Mapping[str, float]) -> float | None:

@@ -33,4 +33,5 @@ def gathered(obs: Tensor | InMemory) -> Tensor:
 
 def masked_input(blocks: Tensor, factor: Tensor) -> Tensor:
     """The input of a network: blocks [G, B, 1+S, O] times factor [G, B, 1+S, 1 or O]."""
-    return apply_keep(blocks.float(), factor).flatten(2)
+    # A GPU casts while it multiplies; the CPU falls off its fast path (benchmarks/NOTES.md).
+    return apply_keep(blocks if blocks.is_cuda else blocks.float(), factor).flatten(2)
