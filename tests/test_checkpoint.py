@@ -1,14 +1,18 @@
 """Damaged, foreign and lost checkpoints: found every time, and the result is undisturbed."""
 
 import json
+import os
 import shutil
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
 
+from msgdrop_cli.engine.checkpoint import Checkpoints
 from msgdrop_cli.engine.run import RunOutcome, train_cohort
 from msgdrop_cli.errors import RunError
+from msgdrop_cli.records.store import METRICS
 from tests.runs import StopAt, digest, planned
 
 STOPPED = 45
@@ -153,3 +157,25 @@ def test_another_kernel_is_refused_before_training(
     assert json.loads((stopped / "run.json").read_text())["status"] == "interrupted"
     assert resume(stopped).status == "done"
     assert digest(stopped) == expected
+
+
+def test_the_log_is_on_disk_before_a_checkpoint_counts_on_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Six windows cost no fsync of the log; each checkpoint has one before it, the end another."""
+    tape: list[str] = []
+    fsync, save = os.fsync, Checkpoints.save
+
+    def note_sync(handle: int) -> None:
+        tape.append(Path(f"/proc/self/fd/{handle}").readlink().name)
+        fsync(handle)
+
+    def note_save(*arguments: Any) -> None:
+        tape.append("checkpoint")
+        save(*arguments)
+
+    monkeypatch.setattr(os, "fsync", note_sync)
+    monkeypatch.setattr(Checkpoints, "save", note_save)
+    train_cohort([planned()], tmp_path)
+    found = [name for name in tape if name in (METRICS, "checkpoint")]
+    assert found == [*[METRICS, "checkpoint"] * 3, METRICS]

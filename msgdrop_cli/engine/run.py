@@ -27,6 +27,7 @@ from msgdrop_cli.records.files import (
     count_jsonl,
     cut_jsonl,
     run_lock,
+    sync_file,
     write_json_atomic,
 )
 from msgdrop_cli.records.store import (
@@ -212,12 +213,13 @@ class _Session:
                 continue
             head = {"env_steps": training.env_steps}
             tail = {"wall_time_s": round(self._wall_time(run), 3)}
-            append_jsonl(run.path / METRICS, {**head, **row, **tail})
+            append_jsonl(run.path / METRICS, {**head, **row, **tail}, durable=False)
             run.rows += 1
             self.headline[number] = metrics[number][next(iter(training.env.metrics))]
 
     def _checkpoint(self) -> None:
         for number, run in self._sound():
+            sync_file(run.path / METRICS)  # a checkpoint counts on its rows
             counters = {"rows": run.rows, "logged_at": self.logged_at, "kernel": self.kernel}
             run.checkpoints.save(self.training, number, counters)
             set_status(run.path, "running", **self._progress_facts(run))
@@ -235,6 +237,7 @@ class _Session:
     def _close(self, status: Status) -> list[RunOutcome]:
         outcomes = []
         for run in self.runs:
+            sync_file(run.path / METRICS)
             word: Status = "diverged" if run.diverged else status
             reason = run.diverged or run.note
             set_status(run.path, word, reason, **self._progress_facts(run))
