@@ -4,10 +4,11 @@
  * passes and one of the target, label eq:5's target, the loss, backward, Adam. Q = h(f, g) serves
  * all three networks: FDC's and Concat's perceptron is f and h, and its g sees no block. Widths are
  * multiples of LANES. Every sum has one order whatever the stack: a run's bits are its own.
+ * It is one long file, since the compiler has to see the passes and Adam as one thing.
  *
  * Bytes are mostly zeros (pursuit: 8% ones). Their first layer adds up the weights' rows of the
- * ones, block by block, so that a block's rows stay in the first-level cache. Its gradient is never
- * stored: each input's few rows of grad_out are summed in registers, and Adam moves the weights.
+ * ones, block by block, so that a block's rows stay in the first-level cache. Their gradient is
+ * made and used up block by block, too.
  */
 #include <math.h>
 #include <stdint.h>
@@ -364,8 +365,8 @@ static void slopes(const Net *n, const Scratch *s, const Rule *r, const Batch *b
 static void back(const Layer *l, const Scratch *s, const float *weight, int64_t w_row,
                  const float *a, int64_t a_row, int64_t rows, const float *gate, float *c)
 {
-    for (int64_t i = 0; i < l->inputs; i++)
-        for (int64_t o = 0; o < l->outputs; o++)
+    for (int64_t o = 0; o < l->outputs; o++)
+        for (int64_t i = 0; i < l->inputs; i++)
             s->turned[o * l->inputs + i] = weight[i * w_row + o];
     const Product p = {a, a_row, 1, s->turned, l->inputs, l->outputs};
     product(p, rows, l->inputs, NULL, THROUGH_RELU, gate, c, l->inputs);

@@ -139,13 +139,14 @@ class DCC:
         c = library(self.network, env, config.max_gradient_norm, device)
         self._compiled = None if c is None else Compiled(c, self, env)
         self.rate = torch.tensor([c.rate for c in configs], device=device)  # [R]
-        self._scale = execution_scale(self.rate, senders, drops_own=config.drops_own)
+        scale = execution_scale(self.rate, senders, drops_own=config.drops_own)
+        self._scale = scale.repeat_interleave(self._agents, 0)[:, None]  # [G, 1, 1+S, 1]
         # For m and m': the binary mask over the first B rows, the scale of Q_exec over the rest;
         # [R, N, 2B, 1+S, 1 or O].
         unit = env.observation_size if config.dropout == "element" else 1
         shape = (self._runs, self._agents, 2 * size, 1 + senders, unit)
         self._factor = torch.ones(shape, device=device)
-        self._factor[:, :, size:] = self._scale[:, None, None]
+        self._factor[:, :, size:] = scale[:, None, None]
         self._keep = self._factor[:, :, :size, 0 if config.drops_own else 1 :]  # a view
         self.init_uniforms = self._agents * parameter_count(self.network.layers)
         self.act_uniforms = 2
@@ -190,10 +191,11 @@ class DCC:
         obs: [R, E, N, O]; keep: [R, E, N, S] or None if every link works.
         """
         runs, games = obs.shape[:2]
-        factor = self._scale[:, None, None].repeat(1, self._agents, games, 1, 1)
+        factor = self._scale.expand(-1, games, -1, -1)  # [G, E, 1+S, 1]
         if keep is not None:
-            factor[:, :, :, 1:, 0] *= keep[..., : self.network.hears].transpose(1, 2)
-        factor = factor.flatten(0, 1)  # [G, E, 1+S, 1]
+            arrives = keep[..., : self.network.hears].transpose(1, 2).flatten(0, 1)  # [G, E, S]
+            factor = factor.clone()
+            factor[:, :, 1:, 0] *= arrives
         if self._compiled is None:
             shown = obs[:, :, self.shown_agents].transpose(1, 2).flatten(0, 1)  # [G, E, 1+S, O]
             q, _ = self.network.forward(self.online, masked_input(shown, factor))  # [G, E, A]

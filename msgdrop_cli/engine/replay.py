@@ -14,6 +14,7 @@ import torch
 from torch import Tensor
 
 from msgdrop_cli.algorithms.protocol import Batch
+from msgdrop_cli.engine import pages
 from msgdrop_cli.networks.inputs import InMemory
 from msgdrop_envs.protocol import Transition
 
@@ -41,9 +42,8 @@ class Replay:
         self.added = 0
         """Steps stored so far by each game."""
         # The last rows: the ends of cut episodes, then one for what nobody needs.
-        self.obs = torch.zeros(
-            runs, rows + self._ends * games + 1, agents, observation, dtype=dtype, device=device
-        )
+        shape = (runs, rows + self._ends * games + 1, agents, observation)
+        self.obs = pages.zeros(*shape, dtype=dtype, device=device)
         self.action = (
             torch.zeros(runs, rows, agents, action_size, device=device)
             if action_size
@@ -98,14 +98,14 @@ class Replay:
         runs, agents, batch = rows.shape
         networks = runs * agents
         taken = rows + self._first_row[..., None]  # [R, N, B], rows of the flat memories
-        now_and_next = torch.cat((rows, self.next_row.view(-1)[taken]), -1)
+        now_and_next = torch.cat((rows, self.next_row.take(taken)), -1)
         seen = (now_and_next + self._first_obs_row[..., None]).view(networks, 2 * batch)
-        own = taken * agents + shown[:, :1]  # [R, N, B]
+        own = taken * agents + shown[:, :1]  # [R, N, B]; `take` reads flat memories
         return Batch(
             obs=InMemory(self.obs.flatten(0, 1), seen, shown),
-            action=self.action.view(-1)[own].view(networks, batch).long(),
-            reward=self.reward.view(-1)[own].view(networks, batch),
-            discount=self.discount.view(-1)[taken].view(networks, batch),
+            action=self.action.take(own).view(networks, batch).long(),
+            reward=self.reward.take(own).view(networks, batch),
+            discount=self.discount.take(taken).view(networks, batch),
         )
 
     def gather_joint(self, rows: Tensor) -> Batch:
