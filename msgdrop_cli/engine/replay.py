@@ -55,6 +55,7 @@ class Replay:
         self._first_obs_row = torch.arange(runs, device=device)[:, None] * self.obs.shape[1]
         self._first_row = torch.arange(runs, device=device)[:, None] * rows
         self._game = torch.arange(games, device=device)
+        self._agent = torch.arange(agents, device=device)[:, None]
 
     def __len__(self) -> int:
         """Transitions of one run that can be sampled."""
@@ -72,17 +73,19 @@ class Replay:
         """
         here = self._rows(self.added)
         there = self._rows(self.added + 1)
-        cut = transition.ended & (transition.discount > 0)  # [R, E]
-        end = self._end_rows(self.added)
-        self.action[:, here] = actions.to(self.action.dtype)
+        next_row = self._game + there.start  # [E]
+        self.action[:, here] = actions
         self.reward[:, here] = transition.reward
         self.discount[:, here] = transition.discount
         self.obs[:, there] = next_obs
-        self.next_row[:, here] = torch.where(cut, end, self._game + there.start).int()
-        spare = self.obs.shape[1] - 1
-        target = torch.where(cut, end, spare) + self._first_obs_row  # [R, E]
-        if target.device.type != "cpu" or cut.any():  # a shortcut, never another result
+        cut = transition.ended & (transition.discount > 0)  # [R, E]
+        if cut.device.type != "cpu" or cut.any():  # a shortcut, never another result
+            end = self._end_rows(self.added)
+            spare = self.obs.shape[1] - 1
+            target = torch.where(cut, end, spare) + self._first_obs_row  # [R, E]
             self.obs.flatten(0, 1)[target.flatten()] = transition.obs.flatten(0, 1)
+            next_row = torch.where(cut, end, next_row)
+        self.next_row[:, here] = next_row
         self.added += 1
 
     def rows(self, drawn: Tensor) -> Tensor:
@@ -100,7 +103,7 @@ class Replay:
         taken = rows + self._first_row[..., None]  # [R, N, B], rows of the flat memories
         now_and_next = torch.cat((rows, self.next_row.take(taken)), -1)
         seen = (now_and_next + self._first_obs_row[..., None]).view(networks, 2 * batch)
-        own = taken * agents + shown[:, :1]  # [R, N, B]; `take` reads flat memories
+        own = torch.add(self._agent, taken, alpha=agents)  # [R, N, B]; `take` reads flat memories
         return Batch(
             obs=InMemory(self.obs.flatten(0, 1), seen, shown),
             action=self.action.take(own).view(networks, batch).long(),
