@@ -20,17 +20,17 @@ from tests.runs import planned
 
 PARTS = ("act", "play", "sample", "learn")
 CALLS = {
-    (NAME, "pursuit-n6"): (16, 120, 25, 23),
-    ("torch", "pursuit-n6"): (32, 120, 25, 120),
-    (NAME, "navigation-n8"): (16, 120, 25, 23),
-    ("torch", "navigation-n8"): (32, 120, 25, 120),
+    (NAME, "pursuit-n6"): (16, 104, 8, 19),
+    ("torch", "pursuit-n6"): (32, 104, 8, 140),
+    (NAME, "navigation-n8"): (16, 114, 8, 19),
+    ("torch", "navigation-n8"): (32, 114, 8, 140),
 }
 """Operator calls of each part, at most: of one step of 8 games, and of one update."""
 KILOBYTES = {
-    (NAME, "pursuit-n6"): (4, 48, 24, 20),
-    ("torch", "pursuit-n6"): (500, 48, 24, 6_000),
-    (NAME, "navigation-n8"): (6, 96, 32, 32),
-    ("torch", "navigation-n8"): (300, 96, 32, 3_200),
+    (NAME, "pursuit-n6"): (4, 40, 8, 20),
+    ("torch", "pursuit-n6"): (500, 40, 8, 6_000),
+    (NAME, "navigation-n8"): (6, 96, 10, 32),
+    ("torch", "navigation-n8"): (300, 96, 10, 3_200),
 }
 """Kilobytes of new tensors, likewise."""
 

@@ -22,10 +22,10 @@ from torch import Tensor
 from msgdrop_cli.algorithms.adam import Adam
 from msgdrop_cli.algorithms.cohort import check_ranges, shared_config, shown_agents
 from msgdrop_cli.algorithms.compiled import NAME, Compiled, library
-from msgdrop_cli.algorithms.protocol import Batch
+from msgdrop_cli.algorithms.protocol import Batch, Drawn
 from msgdrop_cli.errors import DefinitionError
 from msgdrop_cli.networks.fgh import FGH
-from msgdrop_cli.networks.inputs import gathered, masked_input
+from msgdrop_cli.networks.inputs import masked_input
 from msgdrop_cli.networks.perceptron import Perceptron
 from msgdrop_cli.networks.stacked import Network, Stacked, initialise, parameter_count
 from msgdrop_cli.ops.exploration import annealed_epsilon, epsilon_greedy
@@ -203,26 +203,26 @@ class DCC:
             q = self._compiled.q_values(obs, factor)
         return q.view(runs, self._agents, games, -1).transpose(1, 2)
 
-    def update(self, batch: Batch, uniforms: Tensor) -> None:
+    def update(self, batch: Batch | Drawn, uniforms: Tensor) -> None:
         """Minimise the loss of DCC-MD once (label eq:5), every agent on its own minibatch.
 
         uniforms: [R, update_uniforms], for the binary mask.
         """
         factor = self._with_binary_mask(uniforms)  # [G, 2B, 1+S, 1 or O]
         self.updates += 1
-        if self._compiled is None:
-            loss, q = self._minimise(batch, factor)
-        else:  # the same up to rounding
+        if self._compiled is not None:  # the same up to rounding
             loss, q = self._compiled.minimise(batch, factor, self.updates)
+        else:
+            loss, q = self._minimise(batch.batch() if isinstance(batch, Drawn) else batch, factor)
         if self.updates % self.config.target_update_every_updates == 0:
             self.target.flat.copy_(self.online.flat)
-        self._sums[0] += loss.view(self._runs, -1).mean(1)
-        self._sums[1] += q.view(self._runs, -1).mean(1)
+        self._sums[0].add_(loss.view(self._runs, -1).mean(1))
+        self._sums[1].add_(q.view(self._runs, -1).mean(1))
         self._summed += 1
 
     def _minimise(self, batch: Batch, factor: Tensor) -> tuple[Tensor, Tensor]:
         """The losses [G, B] and Q [G, 2B, A] before the step."""
-        size, obs = self.config.batch_size, gathered(batch.obs)
+        size, obs = self.config.batch_size, batch.obs
         inputs = masked_input(obs, factor)  # o, m~; and o', m' as Q_exec takes them
         masked_after = masked_input(obs[:, size:], factor[:, :size])  # o', m~': same mask
 

@@ -25,7 +25,6 @@ from msgdrop_cli.algorithms.protocol import Batch
 from msgdrop_cli.algorithms.soft_target import SoftTarget
 from msgdrop_cli.errors import DefinitionError
 from msgdrop_cli.networks.critic import ConcatCritic, Critic, FGHCritic
-from msgdrop_cli.networks.inputs import gathered
 from msgdrop_cli.networks.perceptron import Perceptron
 from msgdrop_cli.networks.stacked import Stacked, parameter_count
 from msgdrop_cli.ops.exploration import noisy_action, random_action
@@ -169,7 +168,7 @@ class MADDPG:
         uniforms: [R, update_uniforms], for the binary mask. The actor's first update comes with
         the critic's first.
         """
-        obs, next_obs = gathered(batch.obs).split(self._size, 1)  # [R, B, N, O]
+        obs, next_obs = batch.obs.split(self._size, 1)  # [R, B, N, O]
         shape = (self._runs, self._agents, self._size, self._senders, 1)
         keep = keep_mask(uniforms.view(shape), self.rate)  # for x and x' alike (l. 274)
         own, action, others = self._seen(obs, batch.action, keep)
@@ -189,8 +188,8 @@ class MADDPG:
         if self.updates % self._critic_updates_each == 0:
             self._improve_actor(own, others)
         self.updates += 1
-        self._sums[0] += loss.view(self._runs, -1).mean(1)
-        self._sums[1] += q.view(self._runs, -1).mean(1)
+        self._sums[0].add_(loss.view(self._runs, -1).mean(1))
+        self._sums[1].add_(q.view(self._runs, -1).mean(1))
         self._summed += 1
 
     def metrics(self, env_steps: int) -> list[dict[str, float | None]]:

@@ -13,9 +13,8 @@ from collections.abc import Mapping
 import torch
 from torch import Tensor
 
-from msgdrop_cli.algorithms.protocol import Batch
+from msgdrop_cli.algorithms.protocol import Batch, Drawn
 from msgdrop_cli.engine import pages
-from msgdrop_cli.networks.inputs import InMemory
 from msgdrop_envs.protocol import Transition
 
 
@@ -55,7 +54,6 @@ class Replay:
         self._first_obs_row = torch.arange(runs, device=device)[:, None] * self.obs.shape[1]
         self._first_row = torch.arange(runs, device=device)[:, None] * rows
         self._game = torch.arange(games, device=device)
-        self._agent = torch.arange(agents, device=device)[:, None]
 
     def __len__(self) -> int:
         """Transitions of one run that can be sampled."""
@@ -93,22 +91,16 @@ class Replay:
         oldest = max(self.added - self.slots + 1, 0)
         return (drawn + oldest * self.games) % (self.slots * self.games)
 
-    def gather(self, rows: Tensor, shown: Tensor) -> Batch:
-        """Minibatches whose observations stay where they are until a network reads them.
-
-        rows: [R, N, B]; shown: [N, 1+S], whom agent i is shown.
-        """
-        runs, agents, batch = rows.shape
-        networks = runs * agents
-        taken = rows + self._first_row[..., None]  # [R, N, B], rows of the flat memories
-        now_and_next = torch.cat((rows, self.next_row.take(taken)), -1)
-        seen = (now_and_next + self._first_obs_row[..., None]).view(networks, 2 * batch)
-        own = torch.add(self._agent, taken, alpha=agents)  # [R, N, B]; `take` reads flat memories
-        return Batch(
-            obs=InMemory(self.obs.flatten(0, 1), seen, shown),
-            action=self.action.take(own).view(networks, batch).long(),
-            reward=self.reward.take(own).view(networks, batch),
-            discount=self.discount.take(taken).view(networks, batch),
+    def gather(self, rows: Tensor, shown: Tensor) -> Drawn:
+        """Minibatches that stay where they are; rows [R, N, B]; shown [N, 1+S], whom i is shown."""
+        return Drawn(
+            obs=self.obs,
+            next_row=self.next_row,
+            action=self.action,
+            reward=self.reward,
+            discount=self.discount,
+            rows=rows.contiguous(),
+            shown=shown,
         )
 
     def gather_joint(self, rows: Tensor) -> Batch:
