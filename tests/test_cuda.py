@@ -12,12 +12,12 @@ import pytest
 import torch
 from torch import Tensor
 
+from msgdrop_cli.algorithms.protocol import Drawn
 from msgdrop_cli.definition.spec import PlannedRun
 from msgdrop_cli.engine.evaluation import evaluate
 from msgdrop_cli.engine.graphs import CudaGraphs
 from msgdrop_cli.engine.randomness import Streams
 from msgdrop_cli.engine.run import train_cohort
-from msgdrop_cli.networks.inputs import gathered
 from msgdrop_cli.records.files import read_jsonl
 from msgdrop_cli.records.store import METRICS, POLICY
 from msgdrop_envs import autoreset, registry
@@ -115,12 +115,12 @@ def test_an_update_is_the_same(case: str) -> None:
         views = gpu.learner.tensors(run)
         for name, tensor in cpu.learner.tensors(run).items():
             views[name].copy_(tensor)
-    batch = cpu.sample()
-    batch = batch._replace(obs=gathered(batch.obs))
+    drawn = cpu.sample()
+    batch = drawn.batch() if isinstance(drawn, Drawn) else drawn
     uniforms = cpu.streams.uniforms("dropout", cpu.learner.update_uniforms)
     with torch.no_grad():
         cpu.learner.update(batch, uniforms)
-        there = type(batch)(*(gathered(part).cuda() for part in batch))
+        there = type(batch)(*(part.cuda() for part in batch))
         gpu.learner.update(there, uniforms.cuda())
     rate: float = runs[0].spec.algorithm_config.learning_rate
     for name, expected in cpu.learner.tensors(1).items():

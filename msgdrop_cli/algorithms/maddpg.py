@@ -25,7 +25,6 @@ from msgdrop_cli.algorithms.protocol import Batch
 from msgdrop_cli.algorithms.soft_target import SoftTarget
 from msgdrop_cli.errors import DefinitionError
 from msgdrop_cli.networks.critic import ConcatCritic, Critic, FGHCritic
-from msgdrop_cli.networks.inputs import gathered
 from msgdrop_cli.networks.perceptron import Perceptron
 from msgdrop_cli.networks.shared_others import Blocks, SharedOthers
 from msgdrop_cli.networks.sparse_rows import NAME, skips_zeros, sparse_rows
@@ -168,7 +167,7 @@ class MADDPG:
         uniforms: [R, update_uniforms], for the binary mask. The actor's first update comes with
         the critic's first.
         """
-        obs, next_obs = gathered(batch.obs).split(self._size, 1)  # [R, B, N, O]
+        obs, next_obs = batch.obs.split(self._size, 1)  # [R, B, N, O]
         shape = (self._runs, self._agents, self._size, self._senders, 1)
         keep = keep_mask(uniforms.view(shape), self.rate).transpose(1, 2)  # x and x' (l. 274)
         own, action, others = self._seen(obs, batch.action, keep)
@@ -188,8 +187,8 @@ class MADDPG:
         if self.does_more(self.updates):
             self._improve_actor(own, others)
         self.updates += 1
-        self._sums[0] += loss.view(self._runs, -1).mean(1)
-        self._sums[1] += q.view(self._runs, -1).mean(1)
+        self._sums[0].add_(loss.view(self._runs, -1).mean(1))
+        self._sums[1].add_(q.view(self._runs, -1).mean(1))
         self._summed += 1
 
     def does_more(self, update: int) -> bool:
