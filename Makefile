@@ -31,6 +31,7 @@ lint: $(VENV)/lint.stamp
 bench: $(VENV)/demo.stamp
 	OMP_NUM_THREADS=1 $(BIN)/python -m benchmarks.throughput
 	OMP_NUM_THREADS=1 $(BIN)/python -m benchmarks.roofline
+	OMP_NUM_THREADS=1 $(BIN)/python -m benchmarks.workers
 
 clean:
 	rm -rf build dist .mypy_cache .pytest_cache .ruff_cache

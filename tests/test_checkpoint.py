@@ -1,14 +1,20 @@
 """Damaged, foreign and lost checkpoints: found every time, and the result is undisturbed."""
 
 import json
+import os
 import shutil
 from collections.abc import Callable
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import pytest
 
+from msgdrop_cli.engine.checkpoint import Checkpoints
 from msgdrop_cli.engine.run import RunOutcome, train_cohort
+from msgdrop_cli.engine.training import Training
 from msgdrop_cli.errors import RunError
+from msgdrop_cli.records.store import METRICS
 from tests.runs import StopAt, digest, planned
 
 STOPPED = 45
@@ -153,3 +159,47 @@ def test_another_kernel_is_refused_before_training(
     assert json.loads((stopped / "run.json").read_text())["status"] == "interrupted"
     assert resume(stopped).status == "done"
     assert digest(stopped) == expected
+
+
+def test_the_log_is_on_disk_before_a_checkpoint_counts_on_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Six windows cost no fsync of the log; each checkpoint has one before it, the end another."""
+    tape: list[str] = []
+    fsync, save = os.fsync, Checkpoints.save
+
+    def note_sync(handle: int) -> None:
+        tape.append(Path(f"/proc/self/fd/{handle}").readlink().name)
+        fsync(handle)
+
+    def note_save(*arguments: Any) -> None:
+        tape.append("checkpoint")
+        save(*arguments)
+
+    monkeypatch.setattr(os, "fsync", note_sync)
+    monkeypatch.setattr(Checkpoints, "save", note_save)
+    train_cohort([planned()], tmp_path)
+    found = [name for name in tape if name in (METRICS, "checkpoint")]
+    assert found == [*[METRICS, "checkpoint"] * 3, METRICS]
+
+
+def test_a_slow_checkpoint_puts_the_next_one_off(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What takes a second is not done again for half a minute; the result is the same."""
+    saved = []
+    save, now = Checkpoints.save, [0.0]
+
+    def slow(checkpoints: Checkpoints, training: Training, *rest: Any) -> None:
+        save(checkpoints, training, *rest)
+        saved.append(training.env_steps)
+        now[0] += 1.0
+
+    monkeypatch.setattr(Checkpoints, "save", slow)
+    monkeypatch.setattr("msgdrop_cli.engine.run.time", SimpleNamespace(monotonic=lambda: now[0]))
+    train_cohort([planned()], tmp_path / "slow")
+    assert saved == [160]
+    saved.clear()
+    monkeypatch.setattr("msgdrop_cli.engine.run._PUT_OFF", 0)
+    train_cohort([planned()], tmp_path / "always")
+    assert saved == [160, 320, 480]

@@ -1,6 +1,7 @@
 """What a plan needs of disk and memory: known, and refused, before anything is trained."""
 
 import os
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -49,7 +50,9 @@ def test_sizes_are_known_without_memory(environment: str, algorithm: str) -> Non
     run = planned(environment, algorithm)
     env = registry.make(run.spec.environment_config, "cpu")
     learner = learner_class(run.spec.algorithm)([run.spec.algorithm_config], env, "cpu")
-    parameters = sum(tensor.numel() for tensor in learner.policy(0).values())
+    learnt = {"dcc": ["online"], "maddpg": ["actor.online", "critic.online"]}[run.spec.algorithm]
+    tensors = learner.tensors(0).items()
+    parameters = sum(part.numel() for name, part in tensors if name.startswith(tuple(learnt)))
     sizes = run_sizes(run, episodes=8)
     assert sizes.parameters == parameters
     replay = run.spec.algorithm_config.replay_capacity * env.agents * env.observation_size
@@ -145,3 +148,28 @@ def test_a_claim_on_an_unknown_metric_is_refused(question: Path) -> None:
     said = msgdrop("ablate", question, "--results", question.parent / "results", "--dry-run")
     assert said.code == 2
     assert "does not measure 'catches_per_50'; did you mean 'catches_per_500'?" in said.err
+
+
+def test_work_counts_rows_and_updates() -> None:
+    """By pencil: own networks see 32 rows each, shared ones 32 of every agent."""
+    one = run_sizes(planned("pursuit-n6", "dcc"), episodes=8)
+    assert one.work == 6 * 88_053 * 32 / 4
+    shared = run_sizes(planned("waterworld-n8", "maddpg"), episodes=8)
+    actor = 152 * 64 + 64 + 64 * 2 + 2
+    assert shared.parameters == 172_129 + actor
+    assert shared.work == (172_129 + actor) * 32 * 8 / 5
+
+
+def test_the_rule_of_thumb_is_near_what_was_measured() -> None:
+    """Env steps per second of benchmarks/NOTES.md within a factor of two, in C and in torch."""
+    for environment, algorithm, kernel, measured in (
+        ("pursuit-n6", "dcc-md", "c-dcc", 5_887),
+        ("pursuit-n8", "dcc-md", "c-dcc", 3_010),
+        ("navigation-n8", "fdc", "c-dcc", 9_864),
+        ("navigation-n8", "dcc-md", "c-dcc", 5_625),
+        ("waterworld-n8", "maddpg-md", "c-sparse-rows", 1_500),
+        ("pursuit-n6", "dcc-md", "torch", 1_474),
+    ):
+        sizes = run_sizes(planned(environment, algorithm), episodes=8)
+        speed = estimate._rule_of_thumb(replace(sizes, kernel=kernel))
+        assert measured / 2 < speed < 2 * measured, (environment, algorithm, speed)

@@ -1,5 +1,6 @@
 """MADDPG's update in C against the torch path, its oracle; a run's bits are its own."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -8,10 +9,9 @@ import torch
 
 from msgdrop_cli.algorithms.compiled_maddpg import NAME, SOURCE
 from msgdrop_cli.algorithms.maddpg import MADDPG, Config
-from msgdrop_cli.algorithms.protocol import Batch
+from msgdrop_cli.algorithms.protocol import Drawn
 from msgdrop_cli.algorithms.registry import learner_class
 from msgdrop_cli.engine.facts import kernel_name
-from msgdrop_cli.networks.inputs import InMemory
 from msgdrop_cli.networks.kernel import load
 from msgdrop_envs import registry
 from tests.dcc_samples import integers, rand
@@ -62,16 +62,17 @@ def _pair(monkeypatch: pytest.MonkeyPatch, **changes: Any) -> tuple[MADDPG, MADD
     return ours, oracle
 
 
-def _batch(runs: int, seed: int) -> Batch:
-    """Rows of a memory that the runs share, mostly zeros, some of them drawn twice."""
-    memory = 2.0 * rand(ROWS, AGENTS, OBSERVATION, seed=seed) - 1.0
-    memory *= rand(*memory.shape, seed=seed + 1) < 0.15
-    rows = integers(ROWS, runs, 2 * SIZE, seed=seed + 2)
-    return Batch(
-        obs=InMemory(memory, rows, torch.arange(AGENTS)[None]),
-        action=2.0 * rand(runs, SIZE, AGENTS, ACTION, seed=seed + 3) - 1.0,
-        reward=4.0 * rand(runs, SIZE, AGENTS, seed=seed + 4) - 2.0,
-        discount=(rand(runs, SIZE, seed=seed + 5) < 0.8).float(),
+def _drawn(runs: int, seed: int) -> Drawn:
+    """From memories with more rows of observations, mostly zeros; some rows are drawn twice."""
+    obs = 2.0 * rand(runs, ROWS + 7, AGENTS, OBSERVATION, seed=seed) - 1.0
+    return Drawn(
+        obs=obs * (rand(*obs.shape, seed=seed + 1) < 0.15),
+        next_row=integers(ROWS + 7, runs, ROWS, seed=seed + 2).int(),
+        action=2.0 * rand(runs, ROWS, AGENTS, ACTION, seed=seed + 3) - 1.0,
+        reward=4.0 * rand(runs, ROWS, AGENTS, seed=seed + 4) - 2.0,
+        discount=(rand(runs, ROWS, seed=seed + 5) < 0.8).float(),
+        rows=integers(ROWS, runs, SIZE, seed=seed + 6),
+        shown=torch.arange(AGENTS)[:, None],
     )
 
 
@@ -82,7 +83,7 @@ def test_update_is_the_torch_paths(
     """Four updates: losses, Q, moments (so gradients), weights and targets within 1e-5."""
     ours, oracle = _pair(monkeypatch, **changes)
     for step in range(4):
-        batch, uniforms = _batch(2, 10 * step), mask_uniforms(ours, 2, step)
+        batch, uniforms = _drawn(2, 10 * step), mask_uniforms(ours, 2, step)
         for learner in (ours, oracle):
             learner.update(batch, uniforms)
         for half in ("actors", "critics"):
@@ -108,10 +109,9 @@ def test_actions_are_the_torch_paths(games: int, monkeypatch: pytest.MonkeyPatch
 def test_a_copy_of_the_observations_gives_the_same_bits() -> None:
     """It does not matter whether the minibatch is read in the memory or was put together."""
     one, other = _learner(0.3), _learner(0.3)
-    batch = _batch(1, 3)
-    assert isinstance(batch.obs, InMemory)
-    one.update(batch, mask_uniforms(one))
-    other.update(batch._replace(obs=batch.obs.gathered()), mask_uniforms(one))
+    drawn = _drawn(1, 3)
+    one.update(drawn, mask_uniforms(one))
+    other.update(drawn.batch(), mask_uniforms(one))
     assert torch.equal(one.critics.online.flat, other.critics.online.flat)
     assert torch.equal(one.actors.online.flat, other.actors.online.flat)
 
@@ -122,11 +122,11 @@ def test_a_runs_bits_are_its_own() -> None:
     alone.initialise(rand(3, cohort.init_uniforms, seed=1)[1:2])
     cohort.initialise(rand(3, cohort.init_uniforms, seed=1))
     for step in range(3):
-        batch, masks = _batch(3, 10 * step), mask_uniforms(cohort, 3, step)
-        assert isinstance(batch.obs, InMemory)
-        obs = InMemory(batch.obs.memory, batch.obs.rows[1:2].clone(), batch.obs.shown)
-        cohort.update(batch, masks)
-        alone.update(Batch(obs, *(part[1:2] for part in batch[1:])), masks[1:2])
+        drawn, masks = _drawn(3, 10 * step), mask_uniforms(cohort, 3, step)
+        fields = ("obs", "next_row", "action", "reward", "discount", "rows")
+        own = {field: getattr(drawn, field)[1:2].clone() for field in fields}
+        cohort.update(drawn, masks)
+        alone.update(replace(drawn, **own), masks[1:2])
     for name, view in alone.tensors(0).items():
         assert torch.equal(view, cohort.tensors(1)[name]), name
 
@@ -140,7 +140,7 @@ def test_what_is_not_a_number_reaches_the_loss(layer: str, part: str) -> None:
     """A NaN in any layer of one run's critic is seen in its loss, and in no other."""
     learner = _learner(0.3, 0.6)
     learner.critics.parts()[part][layer].bias[1, 0, 0] = float("nan")
-    learner.update(_batch(2, 3), mask_uniforms(learner, 2))
+    learner.update(_drawn(2, 3), mask_uniforms(learner, 2))
     assert [row["loss"] != row["loss"] for row in learner.metrics(0)] == [False, True]
 
 
@@ -150,7 +150,7 @@ def test_an_actor_that_diverged_is_seen(layer: str) -> None:
     learner = _learner(0.3, 0.6)
     learner.actors.online[layer].bias[0, 0, 0] = float("nan")
     for step in range(2):
-        learner.update(_batch(2, 3), mask_uniforms(learner, 2, step))
+        learner.update(_drawn(2, 3), mask_uniforms(learner, 2, step))
     assert [row["loss"] != row["loss"] for row in learner.metrics(0)] == [True, False]
 
 

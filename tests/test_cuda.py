@@ -12,13 +12,12 @@ import pytest
 import torch
 from torch import Tensor
 
-from msgdrop_cli.algorithms.protocol import Batch
+from msgdrop_cli.algorithms.protocol import Drawn
 from msgdrop_cli.definition.spec import PlannedRun
 from msgdrop_cli.engine.evaluation import evaluate
 from msgdrop_cli.engine.graphs import CudaGraphs
 from msgdrop_cli.engine.randomness import Streams
 from msgdrop_cli.engine.run import train_cohort
-from msgdrop_cli.networks.inputs import gathered
 from msgdrop_cli.records.files import read_jsonl
 from msgdrop_cli.records.store import METRICS, POLICY
 from msgdrop_envs import autoreset, registry
@@ -116,12 +115,13 @@ def test_an_update_is_the_same(case: str) -> None:
         views = gpu.learner.tensors(run)
         for name, tensor in cpu.learner.tensors(run).items():
             views[name].copy_(tensor)
-    batch = cpu.sample()
+    drawn = cpu.sample()
+    batch = drawn.batch() if isinstance(drawn, Drawn) else drawn
     uniforms = cpu.streams.uniforms("dropout", cpu.learner.update_uniforms)
     with torch.no_grad():
         cpu.learner.update(batch, uniforms)
-        parts = (gathered(batch.obs), *batch[1:])
-        gpu.learner.update(Batch(*(part.cuda() for part in parts)), uniforms.cuda())
+        there = type(batch)(*(part.cuda() for part in batch))
+        gpu.learner.update(there, uniforms.cuda())
     rate: float = runs[0].spec.algorithm_config.learning_rate
     for name, expected in cpu.learner.tensors(1).items():
         # Adam moves by a gradient's sign at first, which may hang on rounding.

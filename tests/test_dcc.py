@@ -8,7 +8,6 @@ import torch
 
 from msgdrop_cli.algorithms.dcc import DCC, NAMED, PAPER, Config
 from msgdrop_cli.errors import DefinitionError
-from msgdrop_cli.networks.inputs import gathered
 from msgdrop_envs import registry
 from tests.dcc_samples import (
     AGENTS,
@@ -58,7 +57,7 @@ def test_target_is_the_papers_equation(
     online = [weights_of(learner, "online", i) for i in range(AGENTS)]
     target = [weights_of(learner, "target", i) for i in range(AGENTS)]
     learner.update(batch, uniforms)
-    obs, reward = gathered(batch.obs).double().numpy(), batch.reward.double().numpy()
+    obs, reward = batch.obs.double().numpy(), batch.reward.double().numpy()
     b = (uniforms.double().numpy() >= np.float32(rate)).reshape(AGENTS, 5, 2, 1)  # 0: dropped
     for i in range(AGENTS):
         own, messages = obs[i, :, 0], obs[i, :, 1:]

@@ -9,9 +9,8 @@ import torch
 from torch import Tensor
 
 from msgdrop_cli.algorithms.dcc import DCC, NAMED
-from msgdrop_cli.algorithms.protocol import Batch
+from msgdrop_cli.algorithms.protocol import Drawn
 from msgdrop_cli.engine.training import Training
-from msgdrop_cli.networks.inputs import gathered
 from tests.dcc_samples import (
     AGENTS,
     OBSERVATION,
@@ -53,9 +52,7 @@ def _given(learner: DCC, monkeypatch: pytest.MonkeyPatch) -> list[Tensor]:
     given = _recorded(learner, monkeypatch)
     runs = learner.online.networks // AGENTS
     batch = make_batch(learner)
-    learner.update(
-        batch._replace(obs=torch.ones_like(gathered(batch.obs))), mask_uniforms(learner, runs)
-    )
+    learner.update(batch._replace(obs=torch.ones_like(batch.obs)), mask_uniforms(learner, runs))
     both, after_masked = given
     shown = learner.shown_agents.shape[1]
     parts = [*both.split(learner.config.batch_size, 1), after_masked]
@@ -120,9 +117,10 @@ def test_every_update_draws_a_mask_of_its_own(
     unit = 147 if dropout == "element" else 1
     masks: list[Tensor] = []
 
-    def on_ones(batch: Batch, uniforms: Tensor) -> None:
+    def on_ones(drawn: Drawn, uniforms: Tensor) -> None:
         given.clear()  # what acting left behind
-        update(batch._replace(obs=torch.ones_like(gathered(batch.obs))), uniforms)
+        batch = drawn.batch()
+        update(batch._replace(obs=torch.ones_like(batch.obs)), uniforms)
         masks.append(given[1].view(6, 32, 6, 147)[:, :, 1:, :unit])  # m~' for the target network
 
     monkeypatch.setattr(learner, "update", on_ones)
@@ -147,7 +145,7 @@ def test_at_rate_1_messages_do_not_matter(network: str, dropout: str) -> None:
         for seed in range(3):
             batch, uniforms = make_batch(one, seed), mask_uniforms(one, seed=seed)
             one.update(batch, uniforms)
-            swapped = gathered(batch.obs).clone()
+            swapped = batch.obs.clone()
             swapped[:, :, 1:] = 2 - swapped[:, :, 1:]
             other.update(batch._replace(obs=swapped), uniforms)
         assert torch.equal(one.online.flat, other.online.flat) == (rate == 1)

@@ -7,7 +7,6 @@ import torch
 from torch import nn
 from torch.nn import functional
 
-from msgdrop_cli.networks.inputs import gathered
 from tests.dcc_samples import (
     AGENTS,
     KERNELS,
@@ -49,7 +48,7 @@ def test_update_equals_separate_modules_and_torchs_adam(
         learner.update(batch, uniforms)
         units = uniforms.view(2 * AGENTS, 5, shown if own else shown - 1, width)
         for n, (agent, target) in enumerate(zip(agents, targets, strict=True)):
-            rate, obs = rates[n // AGENTS], gathered(batch.obs)[n].float()
+            rate, obs = rates[n // AGENTS], batch.obs[n].float()
             keep, scale = torch.ones(5, shown, width), torch.full((shown, 1), 1 - rate)
             keep[:, 0 if own else 1 :] = (units[n] >= rate).float()
             scale[: 0 if own else 1] = 1.0

@@ -14,7 +14,6 @@ from msgdrop_cli.engine.replay import Replay
 from msgdrop_cli.engine.run import train_cohort
 from msgdrop_cli.engine.training import Training
 from msgdrop_cli.errors import DefinitionError
-from msgdrop_cli.networks.inputs import gathered
 from msgdrop_cli.networks.stacked import parameter_count
 from msgdrop_cli.ops.exploration import noisy_action, normals, random_action
 from msgdrop_envs import registry
@@ -221,14 +220,14 @@ def test_replay_gathers_joint_transitions_of_numbers() -> None:
         transition = Transition(last, then[..., 0], torch.ones(2, 2), ended, {})
         replay.add(seen(t).expand(-1, -1, -1, 2) / 10, transition, then)
     drawn = torch.tensor([[0, 5, 11, 7], [3, 3, 10, 4]])
-    batch = replay.gather_joint(replay.rows(drawn))
-    assert gathered(batch.obs).shape == (2, 8, AGENTS, 1)
+    batch = replay.gather(replay.rows(drawn), torch.arange(AGENTS)[:, None]).batch()
+    assert batch.obs.shape == (2, 8, AGENTS, 1)
     step, game = 3 + drawn // 2, drawn % 2  # the oldest of six steps is the fourth
     run = torch.arange(2)[:, None]
     now = seen(0)[run, game] + step[..., None, None]  # [2, 4, N, 1]
     cut = (step % 3 == 2)[..., None, None]
-    assert torch.equal(gathered(batch.obs)[:, :4], now)
-    assert torch.equal(gathered(batch.obs)[:, 4:], now + 1 + 0.5 * cut)
+    assert torch.equal(batch.obs[:, :4], now)
+    assert torch.equal(batch.obs[:, 4:], now + 1 + 0.5 * cut)
     assert torch.equal(batch.action, now.expand(-1, -1, -1, 2) / 10)
     assert torch.equal(batch.reward, now[..., 0] + 1)
     assert torch.equal(batch.discount, torch.ones(2, 4))

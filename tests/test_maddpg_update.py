@@ -10,7 +10,6 @@ from torch import Tensor, nn
 from msgdrop_cli.algorithms.maddpg import MADDPG, Config
 from msgdrop_cli.algorithms.protocol import Batch
 from msgdrop_cli.networks.critic import ConcatCritic, FGHCritic
-from msgdrop_cli.networks.inputs import gathered
 from msgdrop_cli.networks.stacked import Stacked, initialise, parameter_count
 from tests.dcc_samples import rand
 from tests.maddpg_samples import (
@@ -97,7 +96,7 @@ class PlainRun:
 
     def target(self, i: int, batch: Batch, keep: Tensor) -> Tensor:
         """The target y of agent i (l. 273), [B]."""
-        after = gathered(batch.obs)[SIZE:]
+        after = batch.obs[SIZE:]
         actors = [self.target_actors[n] for n in self.network_of]
         action = torch.stack([actor(after[:, j]) for j, actor in enumerate(actors)], 1)
         critic = self.target_critics[self.network_of[i]]
@@ -107,7 +106,7 @@ class PlainRun:
 
     def update(self, batch: Batch, keep: Tensor) -> None:
         """Critics on their loss, then every second time the actors on theirs."""
-        obs = gathered(batch.obs)[:SIZE]
+        obs = batch.obs[:SIZE]
         seen = [self.others(i, obs, batch.action, keep) for i in range(AGENTS)]
         targets = [self.target(i, batch, keep) for i in range(AGENTS)]
         for agents, critic in zip(self.agents, self.critics, strict=True):
@@ -167,7 +166,7 @@ def test_update_equals_separate_modules(changes: dict[str, Any], shared: bool) -
             keep = torch.ones(AGENTS, SIZE, SENDERS)
             if learner.critic.hears:
                 keep = (uniforms[number].view(keep.shape) >= run.rate).float()
-            run.update(Batch(*(part[number] for part in batch if isinstance(part, Tensor))), keep)
+            run.update(Batch(*(part[number] for part in batch)), keep)
     for run in plain:
         _check(learner.critics.online, run.numbers, run.critics)
         _check(learner.critics.target, run.numbers, run.target_critics)
@@ -184,7 +183,7 @@ def test_policy_gradient_equals_autograd(shared: bool) -> None:
     batch, uniforms = make_batch(), mask_uniforms(learner)
     learner.update(batch, uniforms)
     keep = (uniforms.view(AGENTS, SIZE, SENDERS) >= 0.4).float()
-    plain.update(Batch(*(part[0] for part in batch if isinstance(part, Tensor))), keep)
+    plain.update(Batch(*(part[0] for part in batch)), keep)
     gradient = learner.actors.adam.gradient
     for n, actor in enumerate(plain.actors):
         linears = [part for part in actor if isinstance(part, nn.Linear)]

@@ -9,7 +9,6 @@ from torch import Tensor
 from msgdrop_cli.algorithms.protocol import Batch
 from msgdrop_cli.engine.randomness import Streams
 from msgdrop_cli.engine.replay import Replay
-from msgdrop_cli.networks.inputs import gathered
 from msgdrop_envs.protocol import Transition
 
 RUNS, AGENTS = 2, 3
@@ -96,7 +95,7 @@ class Pair:
     def everything(self) -> Batch:
         """Every transition that can be drawn, once for each agent, the oldest first."""
         drawn = torch.arange(len(self.replay)).expand(RUNS, AGENTS, -1)
-        return self.replay.gather(self.replay.rows(drawn), BLOCKS)
+        return self.replay.gather(self.replay.rows(drawn), BLOCKS).batch()
 
     def expected(self, last: int) -> list[list[Remembered]]:
         """The lists' last steps of every game, in order of time, then of game, for each run."""
@@ -116,7 +115,7 @@ class Pair:
 def _check(pair: Pair, last: int) -> None:
     """The replay holds, for every agent, exactly the last steps of the lists."""
     batch, size = pair.everything(), len(pair.replay)
-    obs = gathered(batch.obs)
+    obs = batch.obs
     for run, steps in enumerate(pair.expected(last)):
         assert len(steps) == size
         seen = torch.tensor([step.seen for step in steps])
@@ -178,11 +177,11 @@ def test_agents_and_runs_draw_their_own_minibatches() -> None:
     for _ in range(50):
         pair.play()
     drawn = Streams([1, 2]).integers("replay", len(pair.replay), AGENTS, 16)
-    batch = pair.replay.gather(pair.replay.rows(drawn), BLOCKS)
+    batch = pair.replay.gather(pair.replay.rows(drawn), BLOCKS).batch()
     steps = pair.expected(20)
     for run in range(RUNS):
         for agent in range(AGENTS):
-            seen = gathered(batch.obs)[run * AGENTS + agent, :16, 0, 0].tolist()
+            seen = batch.obs[run * AGENTS + agent, :16, 0, 0].tolist()
             assert seen == [steps[run][k].seen for k in drawn[run, agent].tolist()]
     assert len({tuple(row) for row in drawn.flatten(0, 1).tolist()}) == RUNS * AGENTS
 
@@ -193,7 +192,7 @@ def test_only_the_own_block_is_gathered_for_fdc() -> None:
     for _ in range(5):
         pair.play()
     rows = pair.replay.rows(torch.zeros(RUNS, AGENTS, 1, dtype=torch.int64))
-    batch = pair.replay.gather(rows, BLOCKS[:, :1])
-    obs = gathered(batch.obs)
+    batch = pair.replay.gather(rows, BLOCKS[:, :1]).batch()
+    obs = batch.obs
     assert obs.shape == (RUNS * AGENTS, 2, 1, 2)
     assert obs[:, 0, 0, 1].tolist() == [0, 1, 2, 0, 1, 2]

@@ -238,7 +238,7 @@ def test_a_stop_after_training_leaves_the_evaluation(
 def test_a_full_disk_in_training_is_74(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The code of a fault of the disk goes from the run to the command, not 3."""
 
-    def full(path: Path, *rows: object) -> None:
+    def full(path: Path, *rows: object, durable: bool) -> None:
         raise RecordError(f"{path}: cannot be written: No space left on device", 74)
 
     monkeypatch.setattr(run_module, "append_jsonl", full)

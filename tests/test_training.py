@@ -11,7 +11,6 @@ from torch import Tensor
 from msgdrop_cli.algorithms.dcc import NAMED, Config
 from msgdrop_cli.definition.spec import RunSpec, TrainingSpec
 from msgdrop_cli.engine.training import Training
-from msgdrop_cli.networks.inputs import gathered
 from msgdrop_envs import pursuit
 from msgdrop_envs.protocol import Transition
 
@@ -163,8 +162,9 @@ def test_memory_holds_what_was_seen_done_and_paid(monkeypatch: pytest.MonkeyPatc
         elapsed = training.games.elapsed + 1
         training.play(actions)
         newest = torch.arange(len(replay) - 8, len(replay)).expand(2, 6, 8)
-        batch = replay.gather(replay.rows(newest), training.learner.shown_agents)
-        own, after = gathered(batch.obs)[:, :, 0].view(2, 6, 16, -1).split(8, 2)
+        drawn = replay.gather(replay.rows(newest), training.learner.shown_agents)
+        batch = drawn.batch()
+        own, after = batch.obs[:, :, 0].view(2, 6, 16, -1).split(8, 2)
         assert torch.equal(own.transpose(1, 2), before)
         assert torch.equal(after.transpose(1, 2), steps[-1].obs)
         assert torch.equal(batch.action.view(2, 6, 8).transpose(1, 2), actions)

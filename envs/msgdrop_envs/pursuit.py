@@ -150,23 +150,23 @@ class Pursuit:
             - self.config.step_penalty
             - self.config.edge_penalty * hits_edge
         )
-        ended = ~state.free.any(-1)
-        info = {"catches": captured.sum(-1).float(), "edge_hits": hits_edge.sum(-1).float()}
-        return state, Transition(self.observe(state), reward, (~ended).float(), ended, info)
+        goes_on = state.free.any(-1)
+        happened = {"catches": captured, "edge_hits": hits_edge}
+        info = {name: each.sum(-1, dtype=torch.float32) for name, each in happened.items()}
+        return state, Transition(self.observe(state), reward, goes_on.float(), ~goes_on, info)
 
     def observe(self, state: State) -> Tensor:
         """Counts of other pursuers and of evaders, and the edge (paper l. 370-372).
 
         Returns [..., N, 3 * (2D+1)**2] uint8, channel by channel, rows from North to South.
         """
-        sight, size = self.config.sight, self.config.map_size
-        cells = state.pursuers[..., 0] * size + state.pursuers[..., 1]  # [..., N]
-        obs = self._edges[cells]  # [..., N, O]
+        obs = self._edges[state.pursuers.unbind(-1)]  # [..., N, O]
         entities = torch.cat((state.pursuers, state.evaders), -2)  # [..., N+M, 2]
         away = entities[..., None, :, :] - state.pursuers[..., :, None, :]  # [..., N, N+M, 2]
-        seen = (away.abs() <= sight).all(-1) & self._others  # [..., N, N+M]
-        seen[..., self.agents :] &= state.free[..., None, :]
-        slot = away[..., 0] * self._window + away[..., 1] + self._slots
+        seen = (away.abs() <= self.config.sight).all(-1) & self._others  # [..., N, N+M]
+        seen.narrow(-1, self.agents, self.config.evaders).logical_and_(state.free[..., None, :])
+        south, east = away.unbind(-1)
+        slot = torch.add(east, south, alpha=self._window).add_(self._slots)
         slot.mul_(seen)  # the unseen add 0 to slot 0
         return obs.scatter_add_(-1, slot, seen.to(torch.uint8))
 
@@ -208,14 +208,14 @@ class Pursuit:
         return surrounded & free, taken.any(-2)
 
     def _edge_table(self, device: torch.device) -> Tensor:
-        """The third channel for each cell of the map, the first two empty: [cells, O] uint8."""
+        """The third channel for each cell, the first two empty: [rows, columns, O] uint8."""
         size, sight = self.config.map_size, self.config.sight
         padded = torch.ones(size + 2 * sight, size + 2 * sight, dtype=torch.uint8)
         padded[sight:-sight, sight:-sight] = 0
         windows = padded.unfold(0, self._window, 1).unfold(1, self._window, 1)
         table = torch.zeros(size**2, 3, self._window**2, dtype=torch.uint8)
         table[:, 2] = windows.reshape(size**2, self._window**2)
-        return table.flatten(1).to(device)
+        return table.view(size, size, -1).to(device)
 
     def _entity_tables(self, device: torch.device) -> tuple[Tensor, Tensor]:
         """Where an entity at distance (0, 0) is counted [N+M]; who is another entity [N, N+M]."""

@@ -1,5 +1,7 @@
 """Adam over stacked networks (paper l. 753), with moments that can be taken out run by run."""
 
+from functools import cached_property
+
 import torch
 
 from msgdrop_cli.networks.stacked import Stacked
@@ -17,23 +19,19 @@ class Adam:
         max_gradient_norm: float,
         device: torch.device | str,
     ) -> None:
-        self._max_gradient_norm = max_gradient_norm
-        self.gradient = Stacked(weights.layers, weights.networks, device)
-        weights.flat.grad = self.gradient.flat
-        # On a GPU the step may be captured in a graph, and may as well not be: both are meant.
-        capturable = weights.flat.is_cuda
-        self._adam = torch.optim.Adam(
-            [weights.flat], lr=learning_rate, fused=True, capturable=capturable
-        )
-        vars(self._adam)["_warned_capturable_if_run_uncaptured"] = True
+        self._weights, self._device = weights, device
+        self._learning_rate, self._max_gradient_norm = learning_rate, max_gradient_norm
         # Moments that are Stacked too, so that a run's share can be taken out.
         self.moments = {
             name: Stacked(weights.layers, weights.networks, device)
             for name in ("exp_avg", "exp_avg_sq")
         }
-        self._step = torch.zeros((), device=device)
-        flats = {name: stacked.flat for name, stacked in self.moments.items()}
-        self._adam.state[weights.flat] = {"step": self._step, **flats}
+        self._steps = torch.zeros((), device=device)
+
+    @cached_property
+    def gradient(self) -> Stacked:
+        """What a network fills before each step; made when first asked for."""
+        return Stacked(self._weights.layers, self._weights.networks, self._device)
 
     def step(self) -> None:
         """Clip each network's gradient if asked, and move the weights."""
@@ -43,7 +41,21 @@ class Adam:
 
     def resume_at(self, steps: int) -> None:
         """Set how many steps the moments have seen."""
-        self._step.fill_(steps)
+        self._steps.fill_(steps)
+
+    @cached_property
+    def _adam(self) -> torch.optim.Adam:
+        """Made at the first step: it imports 70 MB, and a compiled run needs none of it."""
+        weights = self._weights.flat
+        weights.grad = self.gradient.flat
+        # On a GPU the step may be captured in a graph, and may as well not be: both are meant.
+        adam = torch.optim.Adam(
+            [weights], lr=self._learning_rate, fused=True, capturable=weights.is_cuda
+        )
+        vars(adam)["_warned_capturable_if_run_uncaptured"] = True
+        flats = {name: stacked.flat for name, stacked in self.moments.items()}
+        adam.state[weights] = {"step": self._steps, **flats}
+        return adam
 
     def _clip(self) -> None:
         views = self.gradient.of_networks(0, self.gradient.networks).values()

@@ -42,4 +42,4 @@ def shared_config(configs: Sequence[ConfigT]) -> ConfigT:
 def shown_agents(agents: int, senders: int, device: torch.device | str) -> Tensor:
     """Row i: agent i, then its senders in increasing order (the paper's m^i, l. 149): [N, 1+S]."""
     rows = [[i, *(j for j in range(agents) if j != i)] for i in range(agents)]
-    return torch.tensor(rows, device=device)[:, : 1 + senders]
+    return torch.tensor(rows, device=device)[:, : 1 + senders].contiguous()

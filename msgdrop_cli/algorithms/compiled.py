@@ -12,8 +12,7 @@ from typing import TYPE_CHECKING
 import torch
 from torch import Tensor
 
-from msgdrop_cli.algorithms.protocol import Batch
-from msgdrop_cli.networks.inputs import InMemory
+from msgdrop_cli.algorithms.protocol import Batch, Drawn
 from msgdrop_cli.networks.kernel import load
 from msgdrop_cli.networks.products import LANES, Adam, Layer, Numbers, adam, each, layers, structure
 from msgdrop_cli.networks.stacked import Network, Stacked
@@ -32,9 +31,12 @@ _Net = structure(
     **each(c_int64, "networks blocks own_blocks units bytes factors"),
     **each(Layer, "f1 f2 g1 h1 h2"),
 )
-_Seen = structure("Seen", **each(c_void_p, "obs rows shown"), **each(c_int64, "group row_blocks"))
+_Memory = structure(
+    "Memory",
+    **each(c_void_p, "obs next_row action reward discount rows shown"),
+    **each(c_int64, "agents obs_blocks obs_rows run_rows"),
+)
 _Factor = structure("Factor", values=c_void_p, **each(c_int64, "network row"))
-_Batch = structure("Batch", **each(c_void_p, "action reward discount loss q"))
 _Rule = structure("Rule", **each(c_float, "gamma huber"), adam=Adam)
 
 
@@ -65,7 +67,7 @@ class Compiled:
         functions.scratch_bytes.restype = c_int64
         self._shown = learner.shown_agents
         blocks = self._shown.shape[1]
-        self._in_order = torch.arange(blocks)
+        self._in_order = torch.arange(blocks)[None]
         layers = _layers(learner.online)
         own_blocks = layers[0].inputs // env.observation_size
         sizes = (learner.online.networks, blocks, own_blocks, env.observation_size)
@@ -79,26 +81,24 @@ class Compiled:
         self._q = torch.zeros(learner.online.networks, 2 * size, actions)
         self._scratch: dict[int, Tensor] = {}
 
-    def minimise(self, batch: Batch, factor: Tensor, step: int) -> tuple[Tensor, Tensor]:
+    def minimise(self, batch: Batch | Drawn, factor: Tensor, step: int) -> tuple[Tensor, Tensor]:
         """Adam's `step`-th step, from 1; factor [G, 2B, 1+S, 1 or O].
 
         Returns the losses [G, B] and Q of the online networks [G, 2B, A], kept until the next call.
         """
+        drawn = batch if isinstance(batch, Drawn) else self._as_memory(batch)
         config = self._config
-        obs = batch.obs
-        if isinstance(obs, Tensor):
-            obs = obs.to(self._dtype).contiguous()
-        given = [part.contiguous() for part in (batch.action, batch.reward, batch.discount)]
         rule = _Rule(config.gamma, config.loss == "huber", adam(config.learning_rate, step))
         self._functions.update(
             byref(self._net),
             byref(self._numbers),
-            byref(self._seen(obs)),
+            byref(_memory(drawn)),
             byref(self._factor(factor)),
-            byref(_Batch(*(array.data_ptr() for array in (*given, self._loss, self._q)))),
             byref(rule),
             c_int64(config.batch_size),
-            self._memory(2 * config.batch_size),
+            self._buffers(2 * config.batch_size),
+            c_void_p(self._loss.data_ptr()),
+            c_void_p(self._q.data_ptr()),
         )
         return self._loss, self._q
 
@@ -106,39 +106,52 @@ class Compiled:
         """Q of the online networks, [G, E, A]; obs [R, E, N, O], factor [G, E, 1+S, 1 or O]."""
         rows, obs = obs.shape[1], obs.to(self._dtype).contiguous()
         q = torch.empty(self._q.shape[0], rows, self._q.shape[2])
-        seen = _Seen(
-            obs.data_ptr(), None, self._shown.data_ptr(), *self._shown.shape[:1], obs.shape[2]
-        )
+        memory = _Memory(obs=obs.data_ptr(), shown=self._shown.data_ptr())
+        memory.agents = memory.obs_blocks = obs.shape[2]
         self._functions.q_values(
             byref(self._net),
             byref(self._numbers),
-            byref(seen),
+            byref(memory),
             byref(self._factor(factor)),
             c_int64(rows),
             c_int64(_CHUNK),
-            self._memory(_CHUNK),
+            self._buffers(_CHUNK),
             c_void_p(q.data_ptr()),
         )
         return q
 
-    def _seen(self, obs: Tensor | InMemory) -> Structure:
-        """Joint rows in the replay memory, or a copy of what each network is shown."""
-        if isinstance(obs, InMemory):
-            memory, agents = obs.memory, obs.memory.shape[1]
-            pointers = (memory.data_ptr(), obs.rows.data_ptr(), obs.shown.data_ptr())
-            return _Seen(*pointers, agents, agents)
-        return _Seen(obs.data_ptr(), None, self._in_order.data_ptr(), 1, obs.shape[2])
+    def _as_memory(self, batch: Batch) -> Drawn:
+        """A copied minibatch as memories of one agent each, which is shown all blocks."""
+        networks, size = batch.reward.shape
+        after = torch.arange(size, 2 * size, dtype=torch.int32).expand(networks, -1)
+        return Drawn(
+            obs=batch.obs.to(self._dtype).contiguous(),
+            next_row=after.contiguous(),
+            action=batch.action.to(torch.uint8)[..., None].contiguous(),
+            reward=batch.reward[..., None].contiguous(),
+            discount=batch.discount.contiguous(),
+            rows=torch.arange(size).expand(networks, 1, -1).contiguous(),
+            shown=self._in_order,
+        )
 
     def _factor(self, factor: Tensor) -> Structure:
         self._net.factors = factor.shape[-1]
         return _Factor(factor.data_ptr(), factor.stride(0), factor.stride(1))
 
-    def _memory(self, rows: int) -> c_void_p:
+    def _buffers(self, rows: int) -> c_void_p:
         """The buffers for so many rows."""
         if rows not in self._scratch:
             size = self._functions.scratch_bytes(byref(self._net), c_int64(rows))
             self._scratch[rows] = torch.empty(size, dtype=torch.uint8)
         return c_void_p(self._scratch[rows].data_ptr())
+
+
+def _memory(drawn: Drawn) -> Structure:
+    d = drawn
+    parts = (d.obs, d.next_row, d.action, d.reward, d.discount, d.rows, d.shown)
+    assert all(part.is_contiguous() for part in parts)
+    pointers = (part.data_ptr() for part in parts)
+    return _Memory(*pointers, len(d.shown), d.obs.shape[2], d.obs.shape[1], d.discount.shape[1])
 
 
 def _layers(weights: Stacked) -> list[Structure]:

@@ -12,9 +12,8 @@ from typing import TYPE_CHECKING
 import torch
 from torch import Tensor
 
-from msgdrop_cli.algorithms.protocol import Batch
+from msgdrop_cli.algorithms.protocol import Batch, Drawn
 from msgdrop_cli.algorithms.soft_target import SoftTarget
-from msgdrop_cli.networks.inputs import InMemory
 from msgdrop_cli.networks.kernel import load
 from msgdrop_cli.networks.products import LANES, Adam, Layer, Numbers, adam, each, layers, structure
 from msgdrop_envs.protocol import Environment
@@ -30,8 +29,11 @@ _Net = structure(
     **each(c_int64, "runs agents observation action senders masks_actions"),
     **each(Layer, "a1 a2 f1 f2 g1 h1 h2"),
 )
-_Seen = structure("Seen", **each(c_void_p, "obs rows"))
-_Batch = structure("Batch", **each(c_void_p, "action reward discount keep loss q"))
+_Memory = structure(
+    "Memory",
+    **each(c_void_p, "obs next_row action reward discount rows"),
+    **each(c_int64, "obs_rows run_rows"),
+)
 _Rule = structure("Rule", **each(c_float, "gamma tau max_norm"), **each(Adam, "critic actor"))
 
 
@@ -72,16 +74,15 @@ class Compiled:
         self._scratch = torch.empty(memory, dtype=torch.uint8)
 
     def improve(
-        self, batch: Batch, keep: Tensor, critic_step: int, actor_step: int | None
+        self, batch: Batch | Drawn, keep: Tensor, critic_step: int, actor_step: int | None
     ) -> tuple[Tensor, Tensor]:
         """Improve the critics, and the actors too unless their step is None.
 
-        keep: [R, N, B, S, 1], the binary mask; the steps are Adam's, from 1.
+        keep: [R, N, B, S, 1], the binary mask, contiguous; the steps are Adam's, from 1.
         Returns the losses and Q of the online critics, [R, B*N] each, kept until the next call.
         """
+        drawn = batch if isinstance(batch, Drawn) else _as_memory(batch)
         config = self._config
-        obs = batch.obs if isinstance(batch.obs, InMemory) else batch.obs.contiguous()
-        given = [part.contiguous() for part in (batch.action, batch.reward, batch.discount, keep)]
         rule = _Rule(
             *(config.gamma, config.tau, config.max_gradient_norm),
             adam(config.learning_rate, critic_step),
@@ -91,12 +92,14 @@ class Compiled:
             byref(self._net),
             byref(self._actors),
             byref(self._critics),
-            byref(_seen(obs)),
-            byref(_Batch(*(array.data_ptr() for array in (*given, self._loss, self._q)))),
+            byref(_memory(drawn)),
+            c_void_p(keep.data_ptr()),
             byref(rule),
             c_int64(config.batch_size),
             c_int64(actor_step is not None),
             c_void_p(self._scratch.data_ptr()),
+            c_void_p(self._loss.data_ptr()),
+            c_void_p(self._q.data_ptr()),
         )
         return self._loss, self._q
 
@@ -107,7 +110,7 @@ class Compiled:
         self._functions.actions(
             byref(self._net),
             c_void_p(self._actors.weights),
-            byref(_seen(obs)),
+            c_void_p(obs.data_ptr()),
             c_int64(obs.shape[1]),
             c_int64(self._config.batch_size),
             c_void_p(self._scratch.data_ptr()),
@@ -116,11 +119,26 @@ class Compiled:
         return found
 
 
-def _seen(obs: Tensor | InMemory) -> Structure:
-    """Joint rows in the replay memory, or one after the other."""
-    if isinstance(obs, InMemory):
-        return _Seen(obs.memory.data_ptr(), obs.rows.data_ptr())
-    return _Seen(obs.data_ptr(), None)
+def _memory(drawn: Drawn) -> Structure:
+    d = drawn
+    parts = (d.obs, d.next_row, d.action, d.reward, d.discount, d.rows)
+    assert all(part.is_contiguous() for part in parts)
+    return _Memory(*(part.data_ptr() for part in parts), d.obs.shape[1], d.discount.shape[1])
+
+
+def _as_memory(batch: Batch) -> Drawn:
+    """A copied minibatch as memories of which every row is drawn."""
+    runs, size = batch.discount.shape
+    after = torch.arange(size, 2 * size, dtype=torch.int32)
+    return Drawn(
+        obs=batch.obs.contiguous(),
+        next_row=after.expand(runs, -1).contiguous(),
+        action=batch.action.contiguous(),
+        reward=batch.reward.contiguous(),
+        discount=batch.discount.contiguous(),
+        rows=torch.arange(size).expand(runs, -1).contiguous(),
+        shown=torch.arange(batch.reward.shape[2])[:, None],
+    )
 
 
 def _numbers(half: SoftTarget) -> Structure:

@@ -4,10 +4,11 @@
  * passes and one of the target, label eq:5's target, the loss, backward, Adam. Q = h(f, g) serves
  * all three networks: FDC's and Concat's perceptron is f and h, and its g sees no block. Widths are
  * multiples of LANES. Every sum has one order whatever the stack: a run's bits are its own.
+ * It is one long file, since the compiler has to see the passes and Adam as one thing.
  *
  * Bytes are mostly zeros (pursuit: 8% ones). Their first layer adds up the weights' rows of the
- * ones, block by block, so that a block's rows stay in the first-level cache. Its gradient is never
- * stored: each input's few rows of grad_out are summed in registers, and Adam moves the weights.
+ * ones, block by block, so that a block's rows stay in the first-level cache. Their gradient is
+ * made and used up block by block, too.
  */
 #include <stdint.h>
 #include <string.h>
@@ -23,18 +24,21 @@ typedef struct {
     int64_t networks, blocks, own_blocks, units, bytes, factors;
     Layer f1, f2, g1, h1, h2;
 } Net;
-typedef struct {     /* where the observations lie: blocks of `units` numbers */
-    const void *obs; /* [joint rows, row_blocks, units] */
-    const int64_t *rows, *shown; /* [G, rows], NULL: all of a group in order; [group, blocks] */
-    int64_t group, row_blocks;   /* networks that share joint rows; blocks in one */
-} Seen;
+typedef struct { /* memories of runs, of `agents` networks each; Drawn in protocol.py */
+    const void *obs;
+    const int32_t *next_row;
+    const uint8_t *action;
+    const float *reward, *discount;
+    const int64_t *rows, *shown;              /* rows NULL: all of a run's observations in order */
+    int64_t agents, obs_blocks, obs_rows, run_rows; /* blocks in a row of obs; rows of a run */
+} Memory;
 typedef struct { const float *values; int64_t network, row; } Factor; /* strides */
 typedef struct { float gamma, huber; Adam adam; } Rule;
-typedef struct { const int64_t *action; const float *reward, *discount; float *loss, *q; } Batch;
 typedef struct { float *x, *f1, *joint, *h1, *q; } Pass;
 typedef struct {
     Pass online, target;
     float *last, *grad_q, *grad_h1, *grad_joint, *grad_f1, *gradient, *turned;
+    int64_t *row;   /* [rows] of obs */
     int32_t *start; /* [rows, blocks + 1]: a block's first one */
     uint16_t *unit; /* of each one */
     uint8_t *value;
@@ -168,39 +172,36 @@ static void adam_ones(const Net *n, const Scratch *s, Adam r, const Numbers *t, 
 
 /* One network's passes. */
 
-static const void *block_at(const Net *n, const Seen *seen, int64_t g, int64_t rows, int64_t b,
+static const void *block_at(const Net *n, const Memory *m, const Scratch *s, int64_t g, int64_t b,
                             int64_t j)
 {
-    const int64_t row = seen->rows ? seen->rows[g * rows + b] : g / seen->group * rows + b;
-    const int64_t shown = seen->shown[g % seen->group * n->blocks + j];
-    const int64_t at = (row * seen->row_blocks + shown) * n->units;
-    return (const char *)seen->obs + at * (n->bytes ? 1 : (int64_t)sizeof(float));
+    const int64_t shown = m->shown[g % m->agents * n->blocks + j];
+    const int64_t at = (s->row[b] * m->obs_blocks + shown) * n->units;
+    return (const char *)m->obs + at * (n->bytes ? 1 : (int64_t)sizeof(float));
 }
 
-static void read_ones(const Net *n, const Seen *seen, const Scratch *s, int64_t g, int64_t rows,
-                      int64_t first, int64_t count)
+static void read_ones(const Net *n, const Memory *m, const Scratch *s, int64_t g, int64_t count)
 {
     int32_t found = 0, *start = s->start;
     for (int64_t b = 0; b < count; b++) {
         for (int64_t j = 0; j < n->blocks; j++) {
             *start++ = found;
-            const uint8_t *x = block_at(n, seen, g, rows, first + b, j);
             if (b + AHEAD < count) { /* rows lie anywhere in memory: ask for them early */
-                const char *later = block_at(n, seen, g, rows, first + b + AHEAD, j);
+                const char *later = block_at(n, m, s, g, b + AHEAD, j);
                 for (int64_t k = 0; k < n->units; k += 64) __builtin_prefetch(later + k);
             }
-            found = find_ones(x, n->units, s, found);
+            found = find_ones(block_at(n, m, s, g, b, j), n->units, s, found);
         }
         *start++ = found;
     }
 }
 
-static void multiply(const Net *n, const Seen *seen, int64_t g, int64_t rows, int64_t first,
+static void multiply(const Net *n, const Memory *m, const Scratch *s, int64_t g, int64_t first,
                      int64_t count, const float *f, int64_t f_row, float *x)
 {
     for (int64_t b = 0; b < count; b++)
         for (int64_t j = 0; j < n->blocks; j++) {
-            const float *from = block_at(n, seen, g, rows, first + b, j);
+            const float *from = block_at(n, m, s, g, first + b, j);
             const float *fs = f + b * f_row + j * n->factors;
             if (n->factors == 1)
                 for (int64_t k = 0; k < n->units; k++) *x++ = from[k] * fs[0];
@@ -263,20 +264,22 @@ static void forward(const Net *n, const Scratch *s, const float *flat, int64_t g
 }
 
 /* The derivative of the loss by Q, [B, LANES]: label eq:5. Also writes the losses. */
-static void slopes(const Net *n, const Scratch *s, const Rule *r, const Batch *batch, int64_t g,
-                   int64_t size)
+static void slopes(const Net *n, const Scratch *s, const Rule *r, const Memory *m, int64_t g,
+                   int64_t size, float *loss)
 {
     memset(s->grad_q, 0, (size_t)(size * LANES) * sizeof(float));
     for (int64_t b = 0; b < size; b++) {
         const float *select = s->online.q + (size + b) * LANES, *next_q = s->target.q + b * LANES;
-        int64_t best = 0, at = g * size + b, action = batch->action[at];
+        const int64_t row = g / m->agents * m->run_rows + m->rows[g * size + b];
+        const int64_t own = row * m->agents + g % m->agents, action = m->action[own];
+        int64_t best = 0;
         for (int64_t a = 1; a < n->h2.outputs; a++) /* the first of the largest; NaN is largest */
             if (!(select[a] <= select[best]) && select[best] == select[best]) best = a;
-        const float target = batch->reward[at] + r->gamma * batch->discount[at] * next_q[best];
+        const float target = m->reward[own] + r->gamma * m->discount[row] * next_q[best];
         const float error = s->online.q[b * LANES + action] - target;
         const float near = error > 1.0f ? 1.0f : error < -1.0f ? -1.0f : error;
         const float slope = r->huber ? near : 2.0f * error;
-        batch->loss[at] = r->huber ? near * (error - 0.5f * near) : error * error;
+        loss[g * size + b] = r->huber ? near * (error - 0.5f * near) : error * error;
         s->grad_q[b * LANES + action] = slope / (float)size;
     }
 }
@@ -285,8 +288,8 @@ static void slopes(const Net *n, const Scratch *s, const Rule *r, const Batch *b
 static void back(const Layer *l, const Scratch *s, const float *weight, int64_t w_row,
                  const float *a, int64_t a_row, int64_t rows, const float *gate, float *c)
 {
-    for (int64_t i = 0; i < l->inputs; i++)
-        for (int64_t o = 0; o < l->outputs; o++)
+    for (int64_t o = 0; o < l->outputs; o++)
+        for (int64_t i = 0; i < l->inputs; i++)
             s->turned[o * l->inputs + i] = weight[i * w_row + o];
     const Product p = {a, a_row, 1, s->turned, l->inputs, l->outputs};
     product(p, rows, l->inputs, NULL, THROUGH_RELU, gate, c, l->inputs);
@@ -381,6 +384,7 @@ static int64_t lay_out(const Net *n, int64_t rows, char *memory, Scratch *s)
     TAKE(s->grad_f1, rows * f1);
     TAKE(s->gradient, most);
     TAKE(s->turned, most);
+    TAKE(s->row, rows);
     TAKE(s->start, rows * (n->blocks + 1));
     TAKE(s->unit, ones + 32); /* whole vectors are written */
     TAKE(s->value, ones + 32);
@@ -394,43 +398,49 @@ int64_t scratch_bytes(const Net *n, int64_t rows)
 }
 
 /* q [G, rows, actions] of all networks, `chunk` rows at a time. */
-void q_values(const Net *n, const Numbers *numbers, const Seen *seen, const Factor *factor,
+void q_values(const Net *n, const Numbers *numbers, const Memory *m, const Factor *factor,
               int64_t rows, int64_t chunk, char *memory, float *q)
 {
     Scratch s;
     lay_out(n, chunk, memory, &s);
     for (int64_t g = 0; g < n->networks; g++)
-        for (int64_t b = 0; b < rows; b += chunk) {
-            const int64_t count = rows - b < chunk ? rows - b : chunk;
-            const float *f = factor->values + g * factor->network + b * factor->row;
+        for (int64_t first = 0; first < rows; first += chunk) {
+            const int64_t count = rows - first < chunk ? rows - first : chunk;
+            const float *f = factor->values + g * factor->network + first * factor->row;
+            for (int64_t b = 0; b < count; b++) s.row[b] = g / m->agents * rows + first + b;
             if (n->bytes)
-                read_ones(n, seen, &s, g, rows, b, count);
+                read_ones(n, m, &s, g, count);
             else
-                multiply(n, seen, g, rows, b, count, f, factor->row, s.online.x);
+                multiply(n, m, &s, g, 0, count, f, factor->row, s.online.x);
             forward(n, &s, numbers->weights, g, f, factor->row, 0, count, &s.online);
             for (int64_t i = 0; i < count; i++, q += n->h2.outputs)
                 memcpy(q, s.online.q + i * LANES, (size_t)n->h2.outputs * sizeof(float));
         }
 }
 
-/* One update of every network on `size` samples: rows are the observations, then the next. */
-void update(const Net *n, const Numbers *numbers, const Seen *seen, const Factor *factor,
-            const Batch *batch, const Rule *rule, int64_t size, char *memory)
+/* One update of every network on `size` samples; loss [G, size], q [G, 2 size, actions]. */
+void update(const Net *n, const Numbers *numbers, const Memory *m, const Factor *factor,
+            const Rule *rule, int64_t size, char *memory, float *loss, float *q)
 {
     Scratch s;
-    float *q = batch->q;
     lay_out(n, 2 * size, memory, &s);
     for (int64_t g = 0; g < n->networks; g++) {
         const float *f = factor->values + g * factor->network;
+        const int64_t run = g / m->agents;
+        for (int64_t b = 0; b < size; b++) { /* the observations, then the next ones */
+            const int64_t row = m->rows[g * size + b];
+            s.row[b] = run * m->obs_rows + row;
+            s.row[size + b] = run * m->obs_rows + m->next_row[run * m->run_rows + row];
+        }
         if (n->bytes) {
-            read_ones(n, seen, &s, g, 2 * size, 0, 2 * size);
+            read_ones(n, m, &s, g, 2 * size);
         } else {
-            multiply(n, seen, g, 2 * size, 0, 2 * size, f, factor->row, s.online.x);
-            multiply(n, seen, g, 2 * size, size, size, f, factor->row, s.target.x);
+            multiply(n, m, &s, g, 0, 2 * size, f, factor->row, s.online.x);
+            multiply(n, m, &s, g, size, size, f, factor->row, s.target.x);
         }
         forward(n, &s, numbers->weights, g, f, factor->row, 0, 2 * size, &s.online);
         forward(n, &s, numbers->target, g, f, factor->row, size, size, &s.target); /* same mask */
-        slopes(n, &s, rule, batch, g, size);
+        slopes(n, &s, rule, m, g, size, loss);
         step(n, &s, rule, numbers, g, f, factor->row, size);
         for (int64_t i = 0; i < 2 * size; i++, q += n->h2.outputs)
             memcpy(q, s.online.q + i * LANES, (size_t)n->h2.outputs * sizeof(float));

@@ -22,10 +22,10 @@ from torch import Tensor
 from msgdrop_cli.algorithms.adam import Adam
 from msgdrop_cli.algorithms.cohort import check_ranges, shared_config, shown_agents
 from msgdrop_cli.algorithms.compiled import NAME, Compiled, library
-from msgdrop_cli.algorithms.protocol import Batch
+from msgdrop_cli.algorithms.protocol import Batch, Drawn
 from msgdrop_cli.errors import DefinitionError
 from msgdrop_cli.networks.fgh import FGH
-from msgdrop_cli.networks.inputs import gathered, masked_input
+from msgdrop_cli.networks.inputs import masked_input
 from msgdrop_cli.networks.perceptron import Perceptron
 from msgdrop_cli.networks.stacked import Network, Stacked, initialise, parameter_count
 from msgdrop_cli.ops.exploration import annealed_epsilon, epsilon_greedy
@@ -139,13 +139,13 @@ class DCC:
         c = library(self.network, env, config.max_gradient_norm, device)
         self._compiled = None if c is None else Compiled(c, self, env)
         self.rate = torch.tensor([c.rate for c in configs], device=device)  # [R]
-        self._scale = execution_scale(self.rate, senders, drops_own=config.drops_own)
+        scale = execution_scale(self.rate, senders, drops_own=config.drops_own)
+        self._scale = scale.repeat_interleave(self._agents, 0)[:, None]  # [G, 1, 1+S, 1]
         # For m and m': the binary mask over the first B rows, the scale of Q_exec over the rest;
         # [R, N, 2B, 1+S, 1 or O].
         unit = env.observation_size if config.dropout == "element" else 1
-        shape = (self._runs, self._agents, 2 * size, 1 + senders, unit)
-        self._factor = torch.ones(shape, device=device)
-        self._factor[:, :, size:] = self._scale[:, None, None]
+        self._factor = scale.new_ones(self._runs, self._agents, 2 * size, 1 + senders, unit)
+        self._factor[:, :, size:] = scale[:, None, None]
         self._keep = self._factor[:, :, :size, 0 if config.drops_own else 1 :]  # a view
         self.init_uniforms = self._agents * parameter_count(self.network.layers)
         self.act_uniforms = 2
@@ -190,10 +190,11 @@ class DCC:
         obs: [R, E, N, O]; keep: [R, E, N, S] or None if every link works.
         """
         runs, games = obs.shape[:2]
-        factor = self._scale[:, None, None].repeat(1, self._agents, games, 1, 1)
+        factor = self._scale.expand(-1, games, -1, -1)  # [G, E, 1+S, 1]
         if keep is not None:
-            factor[:, :, :, 1:, 0] *= keep[..., : self.network.hears].transpose(1, 2)
-        factor = factor.flatten(0, 1)  # [G, E, 1+S, 1]
+            arrives = keep[..., : self.network.hears].transpose(1, 2).flatten(0, 1)  # [G, E, S]
+            factor = factor.clone()
+            factor[:, :, 1:, 0] *= arrives
         if self._compiled is None:
             shown = obs[:, :, self.shown_agents].transpose(1, 2).flatten(0, 1)  # [G, E, 1+S, O]
             q, _ = self.network.forward(self.online, masked_input(shown, factor))  # [G, E, A]
@@ -201,26 +202,26 @@ class DCC:
             q = self._compiled.q_values(obs, factor)
         return q.view(runs, self._agents, games, -1).transpose(1, 2)
 
-    def update(self, batch: Batch, uniforms: Tensor) -> None:
+    def update(self, batch: Batch | Drawn, uniforms: Tensor) -> None:
         """Minimise the loss of DCC-MD once (label eq:5), every agent on its own minibatch.
 
         uniforms: [R, update_uniforms], for the binary mask.
         """
         factor = self._with_binary_mask(uniforms)  # [G, 2B, 1+S, 1 or O]
-        if self._compiled is None:
-            loss, q = self._minimise(batch, factor)
-        else:  # the same up to rounding
+        if self._compiled is not None:  # the same up to rounding
             loss, q = self._compiled.minimise(batch, factor, self.updates + 1)
+        else:
+            loss, q = self._minimise(batch.batch() if isinstance(batch, Drawn) else batch, factor)
         if self.does_more(self.updates):
             self.target.flat.copy_(self.online.flat)
         self.updates += 1
-        self._sums[0] += loss.view(self._runs, -1).mean(1)
-        self._sums[1] += q.view(self._runs, -1).mean(1)
+        self._sums[0].add_(loss.view(self._runs, -1).mean(1))
+        self._sums[1].add_(q.view(self._runs, -1).mean(1))
         self._summed += 1
 
     def _minimise(self, batch: Batch, factor: Tensor) -> tuple[Tensor, Tensor]:
         """The losses [G, B] and Q [G, 2B, A] before the step."""
-        size, obs = self.config.batch_size, gathered(batch.obs)
+        size, obs = self.config.batch_size, batch.obs
         inputs = masked_input(obs, factor)  # o, m~; and o', m' as Q_exec takes them
         masked_after = masked_input(obs[:, size:], factor[:, :size])  # o', m~': same mask
 

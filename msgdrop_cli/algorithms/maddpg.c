@@ -20,12 +20,20 @@ typedef struct {
     int64_t runs, agents, observation, action, senders, masks_actions;
     Layer a1, a2, f1, f2, g1, h1, h2; /* the actor, the critic; g1 of no outputs: DDPG */
 } Net;
-typedef struct { const float *obs; const int64_t *rows; } Seen; /* [rows, N, O]; [R, 2B] or NULL */
-typedef struct { const float *action, *reward, *discount, *keep; float *loss, *q; } Batch;
+typedef struct { /* memories of runs; Drawn in protocol.py */
+    const float *obs;
+    const int32_t *next_row;
+    const float *action, *reward, *discount;
+    const int64_t *rows;
+    int64_t obs_rows, run_rows; /* rows of a run */
+} Memory;
+typedef struct { float *action, *reward, *discount; const float *keep; float *loss, *q; } Batch;
 typedef struct { float gamma, tau, max_norm; Adam critic, actor; } Rule;
 typedef struct { float *weight, *bias; } Gradient;
 typedef struct { float *f1, *joint, *h1, *q; } Pass; /* f1: (f1, a) */
 typedef struct {
+    int64_t *places;
+    float *action, *reward, *discount;
     int32_t *start, *unit; /* [observations + 1]: the first of each that is not 0; its place */
     float *value;
     Pass online, target;
@@ -70,14 +78,16 @@ static int32_t find(const float *x, int64_t units, const Scratch *s, int32_t fou
     return found;
 }
 
-static void list(const Net *n, const Seen *seen, const Scratch *s, int64_t first, int64_t rows)
+/* Lists the observations of joint rows, whose places are given, or which follow each other. */
+static void list(const Net *n, const float *obs, const int64_t *places, int64_t rows,
+                 const Scratch *s)
 {
     const int64_t wide = n->agents * n->observation;
     int32_t found = 0, *start = s->start;
-    for (int64_t b = first; b < first + rows; b++) {
-        const float *x = seen->obs + (seen->rows ? seen->rows[b] : b) * wide;
-        if (seen->rows && b + 1 < first + rows) { /* rows lie anywhere in memory: ask early */
-            const float *later = seen->obs + seen->rows[b + 1] * wide;
+    for (int64_t b = 0; b < rows; b++) {
+        const float *x = obs + (places ? places[b] : b) * wide;
+        if (places && b + 1 < rows) { /* they lie anywhere in memory: ask early */
+            const float *later = obs + places[b + 1] * wide;
             for (int64_t k = 0; k < wide; k += LANES) __builtin_prefetch(later + k);
         }
         for (int64_t i = 0; i < n->agents; i++, x += n->observation) {
@@ -86,6 +96,23 @@ static void list(const Net *n, const Seen *seen, const Scratch *s, int64_t first
         }
     }
     *start = found;
+}
+
+/* Copies what run r has drawn, and lists what it has seen: the observations, then the next. */
+static void take(const Net *n, const Memory *m, int64_t r, int64_t size, const Scratch *s,
+                 const Batch *batch)
+{
+    const int64_t *rows = m->rows + r * size, numbers = n->agents * n->action;
+    for (int64_t b = 0; b < size; b++) {
+        const int64_t at = r * m->run_rows + rows[b];
+        const float *action = m->action + at * numbers, *reward = m->reward + at * n->agents;
+        memcpy(batch->action + b * numbers, action, (size_t)numbers * sizeof(float));
+        memcpy(batch->reward + b * n->agents, reward, (size_t)n->agents * sizeof(float));
+        batch->discount[b] = m->discount[at];
+        s->places[b] = rows[b];
+        s->places[size + b] = m->next_row[at];
+    }
+    list(n, m->obs + r * m->obs_rows * n->agents * n->observation, s->places, 2 * size, s);
 }
 
 /* The columns of a row, as many as registers hold; the last vector may overlap its neighbour. */
@@ -494,6 +521,10 @@ static int64_t lay_out(const Net *n, int64_t batch, char *memory, Scratch *s)
         TAKE(passes[i]->h1, rows * h);
         TAKE(passes[i]->q, rows * LANES);
     }
+    TAKE(s->places, 2 * batch);
+    TAKE(s->action, rows * n->action);
+    TAKE(s->reward, rows);
+    TAKE(s->discount, batch);
     TAKE(s->own, rows * n->action);
     TAKE(s->hidden, rows * units);
     TAKE(s->numbers, rows * LANES);
@@ -518,41 +549,37 @@ int64_t scratch_bytes(const Net *n, int64_t batch)
     return lay_out(n, batch, NULL, &s);
 }
 
-/* One update of every run on `size` joint samples: rows are the observations, then the next. */
-void update(const Net *n, const Numbers *actor, const Numbers *critic, const Seen *seen,
-            const Batch *given, const Rule *rule, int64_t size, int64_t improves_actor,
-            char *memory)
+/* One update of every run on `size` joint samples; keep [R, N, B, S], loss and q [R, B, N]. */
+void update(const Net *n, const Numbers *actor, const Numbers *critic, const Memory *memory,
+            const float *keep, const Rule *rule, int64_t size, int64_t improves_actor,
+            char *scratch, float *loss, float *q)
 {
-    Batch batch = *given;
     Scratch s;
     const int64_t rows = size * n->agents;
-    lay_out(n, size, memory, &s);
+    lay_out(n, size, scratch, &s);
     for (int64_t r = 0; r < n->runs; r++) {
-        list(n, seen, &s, r * 2 * size, 2 * size);
+        const Batch batch = {s.action, s.reward, s.discount, keep + r * rows * n->senders,
+                             loss + r * rows, q + r * rows};
+        take(n, memory, r, size, &s, &batch);
         act(n, &s, actor->target, r, rows, rows, s.own);
         judge(n, &s, critic->target, r, size, rows, s.own, s.own, batch.keep, &s.target);
-        judge(n, &s, critic->weights, r, size, 0, batch.action, batch.action, batch.keep,
-              &s.online);
+        judge(n, &s, critic->weights, r, size, 0, s.action, s.action, batch.keep, &s.online);
         improve_critic(n, &s, rule, critic, &batch, r, size);
         if (improves_actor) improve_actor(n, &s, rule, actor, critic->weights, &batch, r, size);
-        batch.action += rows * n->action;
-        batch.reward += rows, batch.loss += rows, batch.q += rows;
-        batch.discount += size;
-        batch.keep += rows * n->senders;
     }
 }
 
 /* The actions [R, games, N, A] of the actors for observations in order. */
-void actions(const Net *n, const float *actor, const Seen *seen, int64_t games, int64_t size,
-             char *memory, float *action)
+void actions(const Net *n, const float *actor, const float *obs, int64_t games, int64_t size,
+             char *scratch, float *action)
 {
     Scratch s;
-    lay_out(n, size, memory, &s);
+    lay_out(n, size, scratch, &s);
     for (int64_t r = 0; r < n->runs; r++)
         for (int64_t b = 0; b < games; b += size) {
-            const int64_t count = games - b < size ? games - b : size;
-            list(n, seen, &s, r * games + b, count);
-            act(n, &s, actor, r, 0, count * n->agents, action);
-            action += count * n->agents * n->action;
+            const int64_t count = games - b < size ? games - b : size, rows = count * n->agents;
+            list(n, obs, NULL, count, &s);
+            act(n, &s, actor, r, 0, rows, action);
+            obs += rows * n->observation, action += rows * n->action;
         }
 }

@@ -22,11 +22,10 @@ from torch import Tensor
 
 from msgdrop_cli.algorithms.cohort import check_ranges, shared_config, shown_agents
 from msgdrop_cli.algorithms.compiled_maddpg import NAME, Compiled, library
-from msgdrop_cli.algorithms.protocol import Batch
+from msgdrop_cli.algorithms.protocol import Batch, Drawn
 from msgdrop_cli.algorithms.soft_target import SoftTarget
 from msgdrop_cli.errors import DefinitionError
 from msgdrop_cli.networks.critic import critic_of
-from msgdrop_cli.networks.inputs import gathered
 from msgdrop_cli.networks.perceptron import Perceptron
 from msgdrop_cli.networks.shared_others import Blocks, SharedOthers
 from msgdrop_cli.networks.sparse_rows import NAME as SPARSE
@@ -171,7 +170,7 @@ class MADDPG:
             return self._compiled.actions(obs)
         return self._mu(self.actors.online, obs)
 
-    def update(self, batch: Batch, uniforms: Tensor) -> None:
+    def update(self, batch: Batch | Drawn, uniforms: Tensor) -> None:
         """Improve the critic, and the actor if it is due, on one minibatch with one mask.
 
         uniforms: [R, update_uniforms], for the binary mask. The actor's first update comes with
@@ -180,11 +179,12 @@ class MADDPG:
         shape = (self._runs, self._agents, self._size, self._senders, 1)
         keep = keep_mask(uniforms.view(shape), self.rate)  # for x and x' (l. 274)
         due, each = self.does_more(self.updates), self._critic_updates_each
-        if self._compiled is None:
-            loss, q = self._improve(batch, keep.transpose(1, 2), due)
-        else:  # the same up to rounding
+        if self._compiled is not None:  # the same up to rounding
             steps = (self.updates + 1, self.updates // each + 1 if due else None)
             loss, q = self._compiled.improve(batch, keep, *steps)
+        else:
+            copy = batch.batch() if isinstance(batch, Drawn) else batch
+            loss, q = self._improve(copy, keep.transpose(1, 2), due)
         self.updates += 1
         self._sums += torch.stack((loss, q)).view(2, self._runs, -1).mean(2)
         self._summed += 1
@@ -236,7 +236,7 @@ class MADDPG:
 
     def _improve(self, batch: Batch, keep: Tensor, actor_too: bool) -> tuple[Tensor, Tensor]:
         """The critic's losses and Q before its step, [G, rows, 1]; keep [R, B, N, S, 1]."""
-        obs, next_obs = gathered(batch.obs).split(self._size, 1)  # [R, B, N, O]
+        obs, next_obs = batch.obs.split(self._size, 1)  # [R, B, N, O]
         own, action, others = self._seen(obs, batch.action, keep)
         next_action = self._mu(self.actors.target, next_obs)
         next_q, _ = self.critic.forward(

@@ -10,7 +10,7 @@ from pathlib import Path
 from statistics import median
 from typing import Any
 
-from msgdrop_cli.commands.shapes import run_sizes
+from msgdrop_cli.commands.shapes import Sizes, run_sizes
 from msgdrop_cli.commands.words import size
 from msgdrop_cli.definition.cohorts import group
 from msgdrop_cli.definition.run_id import spec_to_dict
@@ -19,9 +19,9 @@ from msgdrop_cli.errors import DefinitionError, RecordError
 from msgdrop_cli.records.files import CANNOT_CREATE, CANNOT_WRITE
 from msgdrop_cli.records.store import RUNS, RunRecord, find_run
 
-_RULE_PARAMETERS = 6 * 88_053
-_RULE_STEPS_PER_S = 1_300.0
-"""Measured for DCC on pursuit N=6 with that many parameters, one core (benchmarks/throughput)."""
+_RULE, _RULE_COMPILED = (0.2, 0.11), (0.1, 0.027)
+"""ms of an env step on one core, and of a million of `Sizes.work`, in torch and in C: lines through
+what benchmarks/throughput.py measured of all learners, true within a factor of two."""
 _BYTES_AN_EPISODE = 130
 
 
@@ -113,13 +113,13 @@ def estimate(
         for run in task:
             speed = _measured_speed(run, finished, device)
             measured += speed is not None
-            speed = speed or _rule_of_thumb(sizes[run.run_id].parameters)
+            speed = speed or _rule_of_thumb(sizes[run.run_id])
             alone = looked_up.env_steps_left(run) / speed
             seconds = max(seconds, alone) if device == "cuda" else seconds + alone
         busy[busy.index(min(busy))] += seconds
     source = "measured on finished runs here"
     if measured < sum(map(len, tasks)):
-        source = f"rule of thumb: {_RULE_STEPS_PER_S:,.0f} env steps/s a core for DCC, pursuit N=6"
+        source = "rule of thumb: not all of this was timed here before"
     rows = episodes * evaluations * _BYTES_AN_EPISODE
     kept = sum(sizes[run.run_id].kept + rows for run in looked_up.pending)
     at_work = [sum(sizes[run.run_id].working for run in task) for task in tasks]
@@ -173,9 +173,10 @@ def _free_memory() -> int:
     return os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
 
 
-def _rule_of_thumb(parameters: int) -> float:
-    """Env steps per second: half of DCC's time does not depend on the size of the networks."""
-    return _RULE_STEPS_PER_S * 2.0 / (1.0 + parameters / _RULE_PARAMETERS)
+def _rule_of_thumb(sizes: Sizes) -> float:
+    """Env steps per second: a part of the time does not depend on the size of the networks."""
+    once, each_million = _RULE if sizes.kernel == "torch" else _RULE_COMPILED
+    return 1e3 / (once + each_million * sizes.work / 1e6)
 
 
 def _measured_speed(run: PlannedRun, finished: Sequence[RunRecord], device: str) -> float | None:

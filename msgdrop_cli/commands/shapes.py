@@ -28,7 +28,11 @@ class Sizes:
     """What one run needs."""
 
     parameters: int
-    """Of all agents' networks."""
+    """Of all networks that learn, actors and critics."""
+    work: float
+    """Parameters times the rows that they see, an env step: multiply-adds of one dense pass."""
+    kernel: str
+    """What computes its updates on a processor."""
     kept: int
     """Bytes on disk that stay."""
     working: int
@@ -44,6 +48,7 @@ def run_sizes(run: PlannedRun, episodes: int) -> Sizes:
     """
     from torch import Tensor
 
+    from msgdrop_cli.algorithms.registry import learner_class
     from msgdrop_cli.engine.training import Training
 
     def held(*owners: object) -> int:
@@ -54,7 +59,11 @@ def run_sizes(run: PlannedRun, episodes: int) -> Sizes:
     with _on_no_device(run):
         built = Training([run.spec], "meta")
         env, learner, replay = built.env, built.learner, built.replay
-        parameters = sum(tensor.numel() for tensor in learner.policy(0).values())
+        policy = learner.policy(0).values()
+        kept = sum(tensor.numel() for tensor in policy)
+        networks = next(iter(policy)).shape[0]
+        learnt = sum(tensor.numel() for tensor in learner.tensors(0).values())
+        parameters = learnt // _SAVED_COPIES
         cut_episodes = replay.cut_episodes(0).nbytes
         memory = held(env, learner, replay) + 4 * _HELD_COPIES * parameters
     # Older steps stay on disk for the older checkpoint, and with those that share their file.
@@ -66,7 +75,9 @@ def run_sizes(run: PlannedRun, episodes: int) -> Sizes:
     at_once = max(training.games, episodes, 2 * config.batch_size)
     return Sizes(
         parameters=parameters,
-        kept=4 * parameters + rows * _BYTES_A_LOG_ROW,
+        work=parameters * config.batch_size * env.agents / networks / config.update_every_env_steps,
+        kernel=learner_class(run.spec.algorithm).kernel(config, env, "cpu"),
+        kept=4 * kept + rows * _BYTES_A_LOG_ROW,
         working=int(
             _HEADROOM * (_CHECKPOINTS * state + a_step * min(stored, training.train_env_steps))
         ),

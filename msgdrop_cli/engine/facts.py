@@ -40,6 +40,8 @@ def facts(env: Environment, kernel: str, device: str, threads: int) -> dict[str,
 
 def kernel_name(spec: RunSpec, device: str) -> str:
     """What computes this run's updates: results are bit-equal only with the same one."""
+    if torch.device(device).type == "cuda":
+        return "cuda"
     env = registry.make(spec.environment_config, device)
     return learner_class(spec.algorithm).kernel(spec.algorithm_config, env, device)
 

@@ -13,8 +13,8 @@ from collections.abc import Mapping
 import torch
 from torch import Tensor
 
-from msgdrop_cli.algorithms.protocol import Batch
-from msgdrop_cli.networks.inputs import InMemory
+from msgdrop_cli.algorithms.protocol import Drawn
+from msgdrop_cli.engine import pages
 from msgdrop_envs import waiting
 from msgdrop_envs.protocol import Transition
 
@@ -44,9 +44,8 @@ class Replay:
         self.clock: Tensor | None = None
         """`added` as an int64 tensor [], while steps are recorded to be repeated (graphs.py)."""
         # The last rows: the ends of cut episodes, then one for what nobody needs.
-        self.obs = torch.zeros(
-            runs, rows + self._ends * games + 1, agents, observation, dtype=dtype, device=device
-        )
+        shape = (runs, rows + self._ends * games + 1, agents, observation)
+        self.obs = pages.zeros(*shape, dtype=dtype, device=device)
         self.action = (
             torch.zeros(runs, rows, agents, action_size, device=device)
             if action_size
@@ -56,9 +55,7 @@ class Replay:
         self.discount = torch.zeros(runs, rows, device=device)
         self.next_row = torch.zeros(runs, rows, dtype=torch.int32, device=device)
         self._first_obs_row = torch.arange(runs, device=device)[:, None] * self.obs.shape[1]
-        self._first_row = torch.arange(runs, device=device)[:, None] * rows
         self._game = torch.arange(games, device=device)
-        self._agent = torch.arange(agents, device=device)[None]
 
     def __len__(self) -> int:
         """Transitions of one run that can be sampled."""
@@ -83,17 +80,19 @@ class Replay:
         """
         now = self.added if self.clock is None else self.clock
         here, there = self._rows(now), self._rows(now + 1)
-        cut = transition.ended & (transition.discount > 0)  # [R, E]
-        end = self._end_rows(now)
+        next_row = self._game + self._first(now + 1)  # [E]
         self.action[:, here] = actions.to(self.action.dtype)
         self.reward[:, here] = transition.reward
         self.discount[:, here] = transition.discount
         self.obs[:, there] = next_obs
-        self.next_row[:, here] = torch.where(cut, end, self._game + self._first(now + 1)).int()
-        spare = self.obs.shape[1] - 1
-        target = torch.where(cut, end, spare) + self._first_obs_row  # [R, E]
+        cut = transition.ended & (transition.discount > 0)  # [R, E]
         if not waiting.can_ask(cut) or cut.any():  # a shortcut, never another result
+            end = self._end_rows(now)
+            spare = self.obs.shape[1] - 1
+            target = torch.where(cut, end, spare) + self._first_obs_row  # [R, E]
             self.obs.flatten(0, 1)[target.flatten()] = transition.obs.flatten(0, 1)
+            next_row = torch.where(cut, end, next_row)
+        self.next_row[:, here] = next_row.int()
         self.added += 1
         if self.clock is not None:
             self.clock += 1
@@ -105,34 +104,19 @@ class Replay:
         oldest = gone.clamp(min=0) if isinstance(gone, Tensor) else max(gone, 0)
         return (drawn + oldest * self.games) % (self.slots * self.games)
 
-    def gather(self, rows: Tensor, shown: Tensor) -> Batch:
-        """Minibatches whose observations stay where they are until a network reads them.
+    def gather(self, rows: Tensor, shown: Tensor) -> Drawn:
+        """Minibatches that stay where they are.
 
-        rows: [R, N, B]; shown: [N, 1+S], whom agent i is shown.
+        rows: [R, N, B], or [R, B] for all agents at once; shown: [N, 1+S], whom agent i is shown.
         """
-        runs, agents, batch = rows.shape
-        networks = runs * agents
-        taken = rows + self._first_row[..., None]  # [R, N, B], rows of the flat memories
-        now_and_next = torch.cat((rows, self.next_row.view(-1)[taken]), -1)
-        seen = (now_and_next + self._first_obs_row[..., None]).view(networks, 2 * batch)
-        own = taken * agents + shown[:, :1]  # [R, N, B]
-        return Batch(
-            obs=InMemory(self.obs.flatten(0, 1), seen, shown),
-            action=self.action.view(-1)[own].view(networks, batch).long(),
-            reward=self.reward.view(-1)[own].view(networks, batch),
-            discount=self.discount.view(-1)[taken].view(networks, batch),
-        )
-
-    def gather_joint(self, rows: Tensor) -> Batch:
-        """One minibatch a run, of all agents at once; likewise. rows: [R, B]."""
-        taken = rows + self._first_row  # [R, B], rows of the flat memories
-        now_and_next = torch.cat((rows, self.next_row.view(-1)[taken]), -1)  # [R, 2B]
-        action = self.action.flatten(0, 1)[taken]
-        return Batch(
-            obs=InMemory(self.obs.flatten(0, 1), now_and_next + self._first_obs_row, self._agent),
-            action=action if action.is_floating_point() else action.long(),
-            reward=self.reward.flatten(0, 1)[taken],
-            discount=self.discount.view(-1)[taken],
+        return Drawn(
+            obs=self.obs,
+            next_row=self.next_row,
+            action=self.action,
+            reward=self.reward,
+            discount=self.discount,
+            rows=rows.contiguous(),
+            shown=shown,
         )
 
     def stretch(self, run: int, first: int, last: int) -> dict[str, Tensor]:

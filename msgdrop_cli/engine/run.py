@@ -27,6 +27,7 @@ from msgdrop_cli.records.files import (
     count_jsonl,
     cut_jsonl,
     run_lock,
+    sync_file,
     write_json_atomic,
 )
 from msgdrop_cli.records.store import (
@@ -44,6 +45,8 @@ from msgdrop_cli.records.store import (
 THREADS = 1
 """Threads of a training process; another number changes the last bits of a result."""
 _LOOK_UP_EVERY_S = 0.5
+_QUICK_S, _PUT_OFF = 0.5, 50
+"""What a checkpoint takes beyond half a second must be 2% of the training until the next one."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -161,7 +164,7 @@ class _Session:
             set_status(
                 run.path, "running", **facts(self.training.env, self.kernel, device, THREADS)
             )
-        self.clock = time.monotonic()
+        self.clock = self.put_off_until = time.monotonic()
         self.steps_at_start = self.training.env_steps
         self.headline: list[float | None] = [None] * len(runs)
 
@@ -177,7 +180,8 @@ class _Session:
                     self._log()
                 if all(run.diverged for run in self.runs):
                     break
-                if self._passes(before, plan.checkpoint_every_env_steps):
+                due = self._passes(before, plan.checkpoint_every_env_steps)
+                if due and time.monotonic() >= self.put_off_until:
                     self._checkpoint()
                 if time.monotonic() - looked_up >= _LOOK_UP_EVERY_S:
                     looked_up = time.monotonic()
@@ -212,15 +216,19 @@ class _Session:
                 continue
             head = {"env_steps": training.env_steps}
             tail = {"wall_time_s": round(self._wall_time(run), 3)}
-            append_jsonl(run.path / METRICS, {**head, **row, **tail})
+            append_jsonl(run.path / METRICS, {**head, **row, **tail}, durable=False)
             run.rows += 1
             self.headline[number] = metrics[number][next(iter(training.env.metrics))]
 
     def _checkpoint(self) -> None:
+        began = time.monotonic()
         for number, run in self._sound():
+            sync_file(run.path / METRICS)  # a checkpoint counts on its rows
             counters = {"rows": run.rows, "logged_at": self.logged_at, "kernel": self.kernel}
             run.checkpoints.save(self.training, number, counters)
             set_status(run.path, "running", **self._progress_facts(run))
+        now = time.monotonic()
+        self.put_off_until = now + _PUT_OFF * max(now - began - _QUICK_S, 0.0)
 
     def _finish(self) -> list[RunOutcome]:
         if self.logged_at < self.training.env_steps:
@@ -235,6 +243,7 @@ class _Session:
     def _close(self, status: Status) -> list[RunOutcome]:
         outcomes = []
         for run in self.runs:
+            sync_file(run.path / METRICS)
             word: Status = "diverged" if run.diverged else status
             reason = run.diverged or run.note
             set_status(run.path, word, reason, **self._progress_facts(run))
@@ -276,7 +285,7 @@ def _check_kernel(checkpoint: Checkpoint, kernel: str) -> None:
     if began_with != kernel:
         raise RunError(
             f"{checkpoint.path}: was trained with the {began_with!r} kernel, this process has"
-            f" {kernel!r}; see MSGDROP_KERNEL in msgdrop_cli/networks/kernel.py"
+            f" {kernel!r}; take the same --device, or see MSGDROP_KERNEL in networks/kernel.py"
         )
 
 

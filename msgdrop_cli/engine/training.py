@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 import torch
 from torch import Tensor
 
-from msgdrop_cli.algorithms.protocol import Batch
+from msgdrop_cli.algorithms.protocol import Batch, Drawn
 from msgdrop_cli.algorithms.registry import learner_class
 from msgdrop_cli.definition.spec import RunSpec
 from msgdrop_cli.engine.randomness import Streams
@@ -84,16 +84,14 @@ class Training:
         counts += [finished.float(), transition.ended.float(), returns]
         self.sums += torch.stack(counts).sum(-1)  # [counts + 3, R]
 
-    def sample(self) -> Batch:
+    def sample(self) -> Batch | Drawn:
         """Sample a minibatch for each agent from its memory (l. 215), or one for all (joint)."""
-        joint, size = self.learner.joint, self.learner.config.batch_size
-        shape = (size,) if joint else (self.env.agents, size)
+        size = self.learner.config.batch_size
+        shape = (size,) if self.learner.joint else (self.env.agents, size)
         rows = self.replay.rows(self.streams.integers("replay", self.replay.held, *shape))
-        if joint:
-            return self.replay.gather_joint(rows)
         return self.replay.gather(rows, self.learner.shown_agents)
 
-    def learn(self, batch: Batch) -> None:
+    def learn(self, batch: Batch | Drawn) -> None:
         """Generate the binary mask and update every agent's network (l. 217-219)."""
         uniforms = self.streams.uniforms("dropout", self.learner.update_uniforms)
         self.learner.update(batch, uniforms)

@@ -62,9 +62,10 @@ def write_bytes_atomic(path: Path, content: bytes, *, durable: bool = True) -> N
         raise _failed("cannot be written", path, error, CANNOT_WRITE) from error
 
 
-def append_jsonl(path: Path, *rows: Mapping[str, Any]) -> None:
+def append_jsonl(path: Path, *rows: Mapping[str, Any], durable: bool = True) -> None:
     """Appends the rows in one write, and all of them or none.
 
+    `durable=False` leaves out the fsync, for who calls `sync_file` before anything counts on them.
     A log that a killed process left torn has to be cut (`cut_jsonl`) before it is appended to.
     Raises RecordError (74); ValueError for NaN, a mistake of the caller.
     """
@@ -76,7 +77,8 @@ def append_jsonl(path: Path, *rows: Mapping[str, Any]) -> None:
             try:
                 if os.write(handle, content) < len(content):
                     raise OSError(0, "the disk took only a part")
-                os.fsync(handle)
+                if durable:
+                    os.fsync(handle)
             except OSError:
                 os.ftruncate(handle, before)
                 raise
@@ -225,6 +227,20 @@ def _64_bits(text: str) -> int:
 
 def _refuse_constant(text: str) -> float:
     raise ValueError(f"{text} is not JSON")
+
+
+def sync_file(path: Path) -> None:
+    """Makes what was appended to `path`, if there is one, survive a power cut; RecordError (74)."""
+    try:
+        handle = os.open(path, os.O_RDONLY | os.O_NOFOLLOW)
+        try:
+            os.fsync(handle)
+        finally:
+            os.close(handle)
+    except FileNotFoundError:
+        return
+    except OSError as error:
+        raise _failed("cannot be written", path, error, CANNOT_WRITE) from error
 
 
 def sync_folder(path: Path) -> None:
