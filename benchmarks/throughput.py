@@ -28,9 +28,9 @@ from msgdrop_cli.networks.kernel import kernel_name
 from msgdrop_envs import autoreset, registry
 
 PUBLISHED = Path(__file__).parents[1] / "results" / "published"
-ASKED_RATIO = {"navigation-n8": 4.0, "waterworld-n8": 3.0}
+ASKED_RATIO = {"navigation-n8": 4.0, "waterworld-n8": 6.0}
 """Times the plain implementation's speed that the engine should reach at least."""
-ASKED_ALONE = {("waterworld-n8", 1024): 20_000}
+ASKED_ALONE = {("waterworld-n8", 1024): 40_000}
 """Joint steps per second that so many games alone should reach at least."""
 GAMES = (1, 32, 1024)
 
