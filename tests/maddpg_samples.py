@@ -3,6 +3,7 @@
 from types import SimpleNamespace
 from typing import Any
 
+import pytest
 import torch
 from torch import Tensor
 
@@ -12,7 +13,11 @@ from tests.dcc_samples import rand
 
 AGENTS, OBSERVATION, ACTION, SIZE = 3, 7, 2, 5
 TINY: Any = SimpleNamespace(
-    agents=AGENTS, observation_size=OBSERVATION, actions=0, action_size=ACTION
+    agents=AGENTS,
+    observation_size=OBSERVATION,
+    observation_dtype=torch.float32,
+    actions=0,
+    action_size=ACTION,
 )
 
 
@@ -50,3 +55,8 @@ def mask_uniforms(learner: MADDPG, runs: int = 1, seed: int = 9) -> Tensor:
 def everything(learner: MADDPG, run: int = 0) -> Tensor:
     """All numbers that a run's training goes on from, in one row."""
     return torch.cat([view.flatten() for view in learner.tensors(run).values()])
+
+
+def torch_only(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Make learners compute in torch."""
+    monkeypatch.setattr("msgdrop_cli.algorithms.compiled_maddpg.load", lambda _: None)

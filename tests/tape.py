@@ -106,5 +106,6 @@ def be_a_device(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def without_c(monkeypatch: pytest.MonkeyPatch) -> None:
     """Compute in torch alone, as a GPU does; a tape does not see what C does."""
-    monkeypatch.setattr("msgdrop_cli.algorithms.compiled.load", lambda _: None)
+    for learner in ("compiled", "compiled_maddpg"):
+        monkeypatch.setattr(f"msgdrop_cli.algorithms.{learner}.load", lambda _: None)
     monkeypatch.setattr("msgdrop_cli.networks.sparse_rows._library", lambda: None)

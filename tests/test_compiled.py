@@ -172,7 +172,6 @@ def test_what_is_not_a_number_is_seen(
         ({"algorithm": "fdc"}, NAME),
         ({"max_gradient_norm": 0.5}, "torch"),
         ({"g_units": 100}, "torch"),
-        ({"algorithm": "maddpg", "environment": "waterworld-n8"}, "c-sparse-rows"),
     ],
 )
 def test_a_run_says_what_it_computes_with(changes: dict[str, Any], expected: str) -> None:

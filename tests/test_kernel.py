@@ -47,3 +47,16 @@ def test_no_compiler_and_no_home_leave_the_torch_path(monkeypatch: pytest.Monkey
     with monkeypatch.context() as patch:
         patch.setenv("XDG_CACHE_HOME", "/proc/nowhere")
         assert load.__wrapped__(SOURCE) is None
+
+
+def test_another_header_is_another_library(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What a file includes of ours is a part of it."""
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    (tmp_path / "a.c").write_text('#include "a.h"\nint given(void) { return GIVEN; }\n')
+    found = []
+    for number in (1, 2):
+        (tmp_path / "a.h").write_text(f"enum {{ GIVEN = {number} }};\n")
+        library = load.__wrapped__(tmp_path / "a.c")
+        assert library is not None
+        found.append(library.given())
+    assert found == [1, 2]

@@ -5,16 +5,16 @@ takes its torch path, which is also the oracle (tests/test_compiled.py). No rule
 where the numbers lie.
 """
 
-import math
 from ctypes import CDLL, Structure, byref, c_float, c_int64, c_void_p
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import torch
 from torch import Tensor
 
 from msgdrop_cli.algorithms.protocol import Batch, Drawn
 from msgdrop_cli.networks.kernel import load
+from msgdrop_cli.networks.products import LANES, Adam, Layer, Numbers, adam, each, layers, structure
 from msgdrop_cli.networks.stacked import Network, Stacked
 from msgdrop_envs.protocol import Environment
 
@@ -23,37 +23,21 @@ if TYPE_CHECKING:
 
 NAME = "c-dcc"
 SOURCE = Path(__file__).with_name("dcc.c")
-LANES = 16
-"""Every width must be a multiple of this, and there must be no more actions."""
 _CHUNK = 64
 """Rows at a time when nothing is learnt: an agent's weights are read once for so many."""
-_BETA1, _BETA2, _EPSILON = 0.9, 0.999, 1e-8
-"""Adam's, as torch has them."""
 
-
-def _structure(name: str, **fields: Any) -> type[Structure]:
-    """A struct of dcc.c; keywords are space-separated names by their type's letter or struct."""
-    return type(name, (Structure,), {"_fields_": list(fields.items())})
-
-
-def _all(kind: Any, names: str) -> dict[str, Any]:
-    return dict.fromkeys(names.split(), kind)
-
-
-_Layer = _structure("Layer", **_all(c_int64, "inputs outputs weight bias"))
-_Net = _structure(
+_Net = structure(
     "Net",
-    **_all(c_int64, "networks blocks own_blocks units bytes factors"),
-    **_all(_Layer, "f1 f2 g1 h1 h2"),
+    **each(c_int64, "networks blocks own_blocks units bytes factors"),
+    **each(Layer, "f1 f2 g1 h1 h2"),
 )
-_Memory = _structure(
+_Memory = structure(
     "Memory",
-    **_all(c_void_p, "obs next_row action reward discount rows shown"),
-    **_all(c_int64, "agents obs_blocks obs_rows run_rows"),
+    **each(c_void_p, "obs next_row action reward discount rows shown"),
+    **each(c_int64, "agents obs_blocks obs_rows run_rows"),
 )
-_Factor = _structure("Factor", values=c_void_p, **_all(c_int64, "network row"))
-_Numbers = _structure("Numbers", **_all(c_void_p, "weights exp_avg exp_avg_sq target"))
-_Rule = _structure("Rule", **_all(c_float, "gamma huber step_size root_scale beta1 beta2 epsilon"))
+_Factor = structure("Factor", values=c_void_p, **each(c_int64, "network row"))
+_Rule = structure("Rule", **each(c_float, "gamma huber"), adam=Adam)
 
 
 def library(
@@ -61,6 +45,7 @@ def library(
 ) -> CDLL | None:
     """The C functions, or None where the torch path has to do.
 
+    Every width must be a multiple of LANES, and there must be no more actions.
     A clipped gradient has to be known as a whole before the step, which is not how the file works.
     """
     *hidden, actions = (outputs for _, outputs in network.layers.values())
@@ -90,7 +75,7 @@ class Compiled:
         self._dtype = env.observation_dtype
         moments = learner.adam.moments
         parts = (learner.online, moments["exp_avg"], moments["exp_avg_sq"], learner.target)
-        self._numbers = _Numbers(*(part.flat.data_ptr() for part in parts))
+        self._numbers = Numbers(*(part.flat.data_ptr() for part in parts))
         size, actions = self._config.batch_size, env.actions
         self._loss = torch.zeros(learner.online.networks, size)
         self._q = torch.zeros(learner.online.networks, 2 * size, actions)
@@ -103,13 +88,7 @@ class Compiled:
         """
         drawn = batch if isinstance(batch, Drawn) else self._as_memory(batch)
         config = self._config
-        rule = _Rule(
-            config.gamma,
-            config.loss == "huber",
-            config.learning_rate / (1.0 - _BETA1**step),
-            1.0 / math.sqrt(1.0 - _BETA2**step),
-            *(_BETA1, _BETA2, _EPSILON),
-        )
+        rule = _Rule(config.gamma, config.loss == "huber", adam(config.learning_rate, step))
         self._functions.update(
             byref(self._net),
             byref(self._numbers),
@@ -177,8 +156,5 @@ def _memory(drawn: Drawn) -> Structure:
 
 def _layers(weights: Stacked) -> list[Structure]:
     """f1, f2, g1, h1, h2; a perceptron has no g."""
-    layers = [
-        _Layer(*size, *(part.storage_offset() for part in weights[name]))
-        for name, size in weights.layers.items()
-    ]
-    return layers if len(layers) == 5 else [*layers[:2], _Layer(), *layers[2:]]
+    found = list(layers(weights).values())
+    return found if len(found) == 5 else [*found[:2], Layer(), *found[2:]]

@@ -10,21 +10,16 @@
  * ones, block by block, so that a block's rows stay in the first-level cache. Their gradient is
  * made and used up block by block, too.
  */
-#include <math.h>
 #include <stdint.h>
 #include <string.h>
 #ifdef __AVX512VBMI2__
 #include <immintrin.h>
 #endif
 
-enum { LANES = 16, AHEAD = 4 };
-typedef float Vec __attribute__((vector_size(4 * LANES), aligned(4), may_alias));
-typedef int32_t Mask __attribute__((vector_size(4 * LANES), aligned(4), may_alias));
-#define INLINE static inline __attribute__((always_inline))
-#define AT(pointer) (*(Vec *)(pointer))
-#define READ(pointer) (*(const Vec *)(pointer))
+#include "../networks/products.h"
 
-typedef struct { int64_t inputs, outputs, weight, bias; } Layer; /* offsets in a flat Stacked */
+enum { AHEAD = 4 };
+
 typedef struct {
     int64_t networks, blocks, own_blocks, units, bytes, factors;
     Layer f1, f2, g1, h1, h2;
@@ -38,8 +33,7 @@ typedef struct { /* memories of runs, of `agents` networks each; Drawn in protoc
     int64_t agents, obs_blocks, obs_rows, run_rows; /* blocks in a row of obs; rows of a run */
 } Memory;
 typedef struct { const float *values; int64_t network, row; } Factor; /* strides */
-typedef struct { float *weights, *exp_avg, *exp_avg_sq; const float *target; } Numbers;
-typedef struct { float gamma, huber, step_size, root_scale, beta1, beta2, epsilon; } Rule;
+typedef struct { float gamma, huber; Adam adam; } Rule;
 typedef struct { float *x, *f1, *joint, *h1, *q; } Pass;
 typedef struct {
     Pass online, target;
@@ -49,52 +43,6 @@ typedef struct {
     uint16_t *unit; /* of each one */
     uint8_t *value;
 } Scratch;
-
-/* Products of small matrices: c[i, n] = after(start[n] + sum_k a[i * ai + k * ak] b[k * bk + n]). */
-
-typedef struct { const float *a; int64_t ai, ak; const float *b; int64_t bk, count; } Product;
-typedef enum { PLAIN, RELU, THROUGH_RELU } After; /* the last: times (gate > 0) */
-
-INLINE void tile(int rows, int vecs, const Product *p, const float *start, After after,
-                 const float *gate, float *c, int64_t ci)
-{
-    Vec sum[8][3];
-    for (int i = 0; i < rows; i++)
-        for (int v = 0; v < vecs; v++) sum[i][v] = start ? READ(start + v * LANES) : (Vec){0};
-    for (int64_t k = 0; k < p->count; k++) {
-        const float *a = p->a + k * p->ak, *b = p->b + k * p->bk;
-        for (int i = 0; i < rows; i++)
-            for (int v = 0; v < vecs; v++) sum[i][v] += a[i * p->ai] * READ(b + v * LANES);
-    }
-    const Vec one = (Vec){0} + 1.0f;
-    for (int i = 0; i < rows; i++)
-        for (int v = 0; v < vecs; v++) {
-            Vec x = sum[i][v]; /* NaN goes through both kinds of gate, as in torch */
-            if (after == RELU) x = (Vec)((Mask)x & ~(x < 0.0f));
-            if (after == THROUGH_RELU)
-                x *= (Vec)((Mask)one & (READ(gate + i * ci + v * LANES) > 0.0f));
-            AT(c + i * ci + v * LANES) = x;
-        }
-}
-
-static void product(Product p, int64_t rows, int64_t outputs, const float *start, After after,
-                    const float *gate, float *c, int64_t ci)
-{
-    for (int64_t n = 0, vecs; n < outputs; n += vecs * LANES) {
-        const int64_t left = (outputs - n) / LANES;
-        vecs = left == 4 ? 2 : left < 3 ? left : 3;
-        for (int64_t i = 0, step; i < rows; i += step) {
-            const Product q = {p.a + i * p.ai, p.ai, p.ak, p.b + n, p.bk, p.count};
-            const float *s = start ? start + n : NULL, *g = gate ? gate + i * ci + n : NULL;
-            float *to = c + i * ci + n;
-            step = rows - i >= 8 ? 8 : rows - i >= 2 ? 2 : 1;
-#define TILE(R, V) if (step == R && vecs == V) tile(R, V, &q, s, after, g, to, ci)
-            TILE(8, 3); TILE(8, 2); TILE(8, 1);
-            TILE(2, 3); TILE(2, 2); TILE(2, 1);
-            TILE(1, 3); TILE(1, 2); TILE(1, 1);
-        }
-    }
-}
 
 /* The first layer over bytes. */
 
@@ -185,36 +133,9 @@ static void add_ones(const Net *n, const Scratch *s, const float *weight, int64_
     }
 }
 
-/* Adam. */
+/* Adam, layer by layer. */
 
-INLINE void adam_step(Rule r, float *weight, float *exp_avg, float *exp_avg_sq, Vec grad)
-{
-    const Vec m = AT(exp_avg) + (1.0f - r.beta1) * (grad - AT(exp_avg));
-    const Vec v = r.beta2 * AT(exp_avg_sq) + (1.0f - r.beta2) * (grad * grad);
-    AT(exp_avg) = m;
-    AT(exp_avg_sq) = v;
-    Vec root;
-    for (int i = 0; i < LANES; i++) root[i] = sqrtf(v[i]);
-    AT(weight) -= r.step_size * m / (r.root_scale * root + r.epsilon);
-}
-
-static void adam(Rule r, const Numbers *t, int64_t at, const float *grad, int64_t count)
-{
-    int64_t k = 0;
-    for (; k + LANES <= count; k += LANES)
-        adam_step(r, t->weights + at + k, t->exp_avg + at + k, t->exp_avg_sq + at + k,
-                  READ(grad + k));
-    const int64_t left = count - k;
-    if (left == 0) return;
-    float part[4][LANES] = {{0}};
-    float *from[3] = {t->weights + at + k, t->exp_avg + at + k, t->exp_avg_sq + at + k};
-    for (int i = 0; i < 3; i++) memcpy(part[i], from[i], (size_t)left * sizeof(float));
-    memcpy(part[3], grad + k, (size_t)left * sizeof(float));
-    adam_step(r, part[0], part[1], part[2], READ(part[3]));
-    for (int i = 0; i < 3; i++) memcpy(from[i], part[i], (size_t)left * sizeof(float));
-}
-
-static void adam_bias(Rule r, const Numbers *t, int64_t at, const float *rows,
+static void adam_bias(Adam r, const Numbers *t, int64_t at, const float *rows,
                       int64_t stride, int64_t count, int64_t outputs, float *gradient)
 {
     for (int64_t h = 0; h < outputs; h += LANES) {
@@ -226,7 +147,7 @@ static void adam_bias(Rule r, const Numbers *t, int64_t at, const float *rows,
 }
 
 /* The first layer's weights of blocks j0 to j1, from `at` on; rows are its grad_out. */
-static void adam_ones(const Net *n, const Scratch *s, Rule r, const Numbers *t, int64_t at,
+static void adam_ones(const Net *n, const Scratch *s, Adam r, const Numbers *t, int64_t at,
                       int64_t width, int64_t j0, int64_t j1, const float *f, int64_t f_row,
                       int64_t count, const float *rows, int64_t stride)
 {
@@ -386,7 +307,7 @@ static void adam_dense(const Layer *l, const Scratch *s, const Rule *r, const Nu
             memmove(s->gradient + k * l->outputs, s->gradient + k * wide,
                     (size_t)l->outputs * sizeof(float));
     const int64_t count = l->inputs * l->outputs;
-    adam(*r, t, l->weight + g * count, s->gradient, count);
+    adam(r->adam, t, l->weight + g * count, s->gradient, count);
 }
 
 static void first_adam(const Net *n, const Layer *l, const Scratch *s, const Rule *r,
@@ -394,8 +315,8 @@ static void first_adam(const Net *n, const Layer *l, const Scratch *s, const Rul
                        int64_t f_row, const float *grad_out, int64_t out_row, int64_t size)
 {
     if (n->bytes)
-        adam_ones(n, s, *r, t, l->weight + g * l->inputs * l->outputs, l->outputs, j0, j1, f, f_row,
-                  size, grad_out, out_row);
+        adam_ones(n, s, r->adam, t, l->weight + g * l->inputs * l->outputs, l->outputs, j0, j1, f,
+                  f_row, size, grad_out, out_row);
     else
         adam_dense(l, s, r, t, g, s->online.x + j0 * n->units, n->blocks * n->units, grad_out,
                    l->outputs, out_row, size);
@@ -427,8 +348,8 @@ static void step(const Net *n, const Scratch *s, const Rule *r, const Numbers *t
     for (int i = 0; i < 5; i++)
         if (layers[i]->outputs) {
             const int64_t outputs = layers[i]->outputs;
-            adam_bias(*r, t, layers[i]->bias + g * outputs, grads[i], strides[i], size, outputs,
-                      s->gradient);
+            adam_bias(r->adam, t, layers[i]->bias + g * outputs, grads[i], strides[i], size,
+                      outputs, s->gradient);
         }
 }
 

@@ -21,13 +21,15 @@ import torch
 from torch import Tensor
 
 from msgdrop_cli.algorithms.cohort import check_ranges, shared_config, shown_agents
-from msgdrop_cli.algorithms.protocol import Batch
+from msgdrop_cli.algorithms.compiled_maddpg import NAME, Compiled, library
+from msgdrop_cli.algorithms.protocol import Batch, Drawn
 from msgdrop_cli.algorithms.soft_target import SoftTarget
 from msgdrop_cli.errors import DefinitionError
-from msgdrop_cli.networks.critic import ConcatCritic, Critic, FGHCritic
+from msgdrop_cli.networks.critic import critic_of
 from msgdrop_cli.networks.perceptron import Perceptron
 from msgdrop_cli.networks.shared_others import Blocks, SharedOthers
-from msgdrop_cli.networks.sparse_rows import NAME, skips_zeros, sparse_rows
+from msgdrop_cli.networks.sparse_rows import NAME as SPARSE
+from msgdrop_cli.networks.sparse_rows import skips_zeros, sparse_rows
 from msgdrop_cli.networks.stacked import Stacked, parameter_count
 from msgdrop_cli.ops.exploration import noisy_action, random_action
 from msgdrop_cli.ops.message_dropout import apply_keep, keep_mask
@@ -117,10 +119,13 @@ class MADDPG:
         self._networks = self._runs * self._networks_each
         observation, action = env.observation_size, env.action_size
         self.actor = Perceptron(observation, 0, (config.actor_units,), action)
-        self.critic = _critic(config, env)
+        units = (config.f_units, config.g_units, config.h_units)
+        self.critic = critic_of(config.network, observation, action, env.agents, *units)
         settings = (config.learning_rate, config.max_gradient_norm, config.tau)
         self.actors = SoftTarget(self.actor.layers, self._networks, *settings, device)
         self.critics = SoftTarget(self.critic.layers, self._networks, *settings, device)
+        c = library(config, env, device)
+        self._compiled = None if c is None else Compiled(c, self, env)
         self.updates = 0
 
         self._senders = senders = self.critic.hears
@@ -136,8 +141,10 @@ class MADDPG:
 
     @staticmethod
     def kernel(config: Config, env: Environment, device: torch.device | str) -> str:
-        """Torch, but for the first layers where there is a C compiler."""
-        return NAME if skips_zeros(device) else "torch"
+        """`compiled_maddpg.py`, or torch, with or without the zeros of the first layers."""
+        if library(config, env, device) is not None:
+            return NAME
+        return SPARSE if skips_zeros(device) else "torch"
 
     def initialise(self, uniforms: Tensor) -> None:
         """New weights, online and target alike; uniforms [R, init_uniforms]."""
@@ -152,43 +159,34 @@ class MADDPG:
         """
         if isinstance(env_steps, int) and env_steps < self.config.replay_start_env_steps:
             return random_action(uniforms)
-        return noisy_action(self._mu(self.actors.online, obs), uniforms, self.config.noise)
+        return noisy_action(self.act_greedily(obs), uniforms, self.config.noise)
 
     def act_greedily(self, obs: Tensor, keep: Tensor | None = None) -> Tensor:
         """The actor's action without noise, [R, E, N, A]; obs [R, E, N, O].
 
         An actor hears nobody, so broken links (keep) mean nothing to it.
         """
+        if self._compiled is not None:
+            return self._compiled.actions(obs)
         return self._mu(self.actors.online, obs)
 
-    def update(self, batch: Batch, uniforms: Tensor) -> None:
+    def update(self, batch: Batch | Drawn, uniforms: Tensor) -> None:
         """Improve the critic, and the actor if it is due, on one minibatch with one mask.
 
         uniforms: [R, update_uniforms], for the binary mask. The actor's first update comes with
         the critic's first.
         """
-        obs, next_obs = batch.obs.split(self._size, 1)  # [R, B, N, O]
         shape = (self._runs, self._agents, self._size, self._senders, 1)
-        keep = keep_mask(uniforms.view(shape), self.rate).transpose(1, 2)  # x and x' (l. 274)
-        own, action, others = self._seen(obs, batch.action, keep)
-        next_action = self._mu(self.actors.target, next_obs)
-        next_q, _ = self.critic.forward(
-            self.critics.target, *self._seen(next_obs, next_action, keep)
-        )
-        reward = self._rows(batch.reward[..., None])  # [G, rows, 1]
-        discount = batch.discount[..., None].expand(-1, -1, self._agents)  # [R, B, N]
-        target = reward + self.config.gamma * self._rows(discount[..., None]) * next_q
-
-        q, trace = self.critic.forward(self.critics.online, own, action, others)
-        loss, slope = loss_gradient(q - target, "mse")
-        grad_q = slope / q.shape[1]
-        self.critic.backward(self.critics.online, trace, grad_q, self.critics.adam.gradient)
-        self.critics.step()
-        if self.does_more(self.updates):
-            self._improve_actor(own, others)
+        keep = keep_mask(uniforms.view(shape), self.rate)  # for x and x' (l. 274)
+        due, each = self.does_more(self.updates), self._critic_updates_each
+        if self._compiled is not None:  # the same up to rounding
+            steps = (self.updates + 1, self.updates // each + 1 if due else None)
+            loss, q = self._compiled.improve(batch, keep, *steps)
+        else:
+            copy = batch.batch() if isinstance(batch, Drawn) else batch
+            loss, q = self._improve(copy, keep.transpose(1, 2), due)
         self.updates += 1
-        self._sums[0].add_(loss.view(self._runs, -1).mean(1))
-        self._sums[1].add_(q.view(self._runs, -1).mean(1))
+        self._sums += torch.stack((loss, q)).view(2, self._runs, -1).mean(2)
         self._summed += 1
 
     def does_more(self, update: int) -> bool:
@@ -236,6 +234,27 @@ class MADDPG:
         """Updates of the critic for each of the actor."""
         return self.config.actor_update_every_env_steps // self.config.update_every_env_steps
 
+    def _improve(self, batch: Batch, keep: Tensor, actor_too: bool) -> tuple[Tensor, Tensor]:
+        """The critic's losses and Q before its step, [G, rows, 1]; keep [R, B, N, S, 1]."""
+        obs, next_obs = batch.obs.split(self._size, 1)  # [R, B, N, O]
+        own, action, others = self._seen(obs, batch.action, keep)
+        next_action = self._mu(self.actors.target, next_obs)
+        next_q, _ = self.critic.forward(
+            self.critics.target, *self._seen(next_obs, next_action, keep)
+        )
+        reward = self._rows(batch.reward[..., None])  # [G, rows, 1]
+        discount = batch.discount[..., None].expand(-1, -1, self._agents)  # [R, B, N]
+        target = reward + self.config.gamma * self._rows(discount[..., None]) * next_q
+
+        q, trace = self.critic.forward(self.critics.online, own, action, others)
+        loss, slope = loss_gradient(q - target, "mse")
+        grad_q = slope / q.shape[1]
+        self.critic.backward(self.critics.online, trace, grad_q, self.critics.adam.gradient)
+        self.critics.step()
+        if actor_too:
+            self._improve_actor(own, others)
+        return loss, q
+
     def _improve_actor(self, own: Tensor, others: Tensor | SharedOthers) -> None:
         """Follow the policy gradient (l. 277): own action from the actor, the rest as replayed."""
         numbers, actor_trace = self.actor.forward(self.actors.online, sparse_rows(own))
@@ -278,17 +297,3 @@ class MADDPG:
         if self.config.shares_parameters:
             return each.flatten(1, 2)
         return each.transpose(1, 2).reshape(self._networks, each.shape[1], each.shape[-1])
-
-
-def _critic(config: Config, env: Environment) -> Critic:
-    observation, action, senders = env.observation_size, env.action_size, env.agents - 1
-    if config.network == "concat":
-        return ConcatCritic(observation, action, senders, (*config.f_units, config.h_units))
-    return FGHCritic(
-        observation,
-        action,
-        senders if config.network == "fgh" else 0,
-        own_units=config.f_units,
-        others_units=config.g_units,
-        joint_units=config.h_units,
-    )

@@ -34,18 +34,21 @@ class Drawn:
     next_row: Tensor
     """[R, rows] int32: the row of `obs` that comes next."""
     action: Tensor
-    """[R, rows, N] uint8"""
+    """[R, rows, N] uint8, or [R, rows, N, A] float32"""
     reward: Tensor
     """[R, rows, N] float32"""
     discount: Tensor
     """[R, rows] float32"""
     rows: Tensor
-    """[R, N, B] int64: what each network has drawn."""
+    """[R, N, B] int64: what each network has drawn; joint [R, B]."""
     shown: Tensor
     """[N, 1+S] int64: whom agent i is shown."""
 
     def batch(self) -> Batch:
         """The copy."""
+        return self._joint_batch() if self.rows.dim() == 2 else self._batch()
+
+    def _batch(self) -> Batch:
         runs, agents, size = self.rows.shape
         run = torch.arange(runs, device=self.rows.device)[:, None, None]
         agent = torch.arange(agents, device=self.rows.device)[:, None]
@@ -59,6 +62,18 @@ class Drawn:
             action=self.action.take(own).flatten(0, 1).long(),
             reward=self.reward.take(own).flatten(0, 1),
             discount=self.discount.take(taken).flatten(0, 1),
+        )
+
+    def _joint_batch(self) -> Batch:
+        run = torch.arange(len(self.rows), device=self.rows.device)[:, None]
+        taken = run * self.discount.shape[1] + self.rows  # [R, B]
+        both = torch.cat((self.rows, self.next_row.take(taken)), -1) + run * self.obs.shape[1]
+        action = self.action.flatten(0, 1)[taken]
+        return Batch(
+            obs=self.obs.flatten(0, 1)[both],
+            action=action if action.is_floating_point() else action.long(),
+            reward=self.reward.flatten(0, 1)[taken],
+            discount=self.discount.take(taken),
         )
 
 
@@ -114,8 +129,8 @@ class Learner(Protocol):
     def act_greedily(self, obs: Tensor, keep: Tensor | None = None) -> Tensor:
         """Behave in execution; keep [R, E, N, S] says which messages arrive."""
 
-    def update(self, batch: Any, uniforms: Tensor) -> None:
-        """Learn from one minibatch, Drawn or a joint Batch; uniforms [R, update_uniforms]."""
+    def update(self, batch: Batch | Drawn, uniforms: Tensor) -> None:
+        """Learn from one minibatch, or one for each network; uniforms [R, update_uniforms]."""
 
     def does_more(self, update: int) -> bool:
         """Whether update number `update`, from 0, does what only some do, such as a copy."""

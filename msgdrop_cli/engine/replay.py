@@ -13,7 +13,7 @@ from collections.abc import Mapping
 import torch
 from torch import Tensor
 
-from msgdrop_cli.algorithms.protocol import Batch, Drawn
+from msgdrop_cli.algorithms.protocol import Drawn
 from msgdrop_cli.engine import pages
 from msgdrop_envs import waiting
 from msgdrop_envs.protocol import Transition
@@ -55,7 +55,6 @@ class Replay:
         self.discount = torch.zeros(runs, rows, device=device)
         self.next_row = torch.zeros(runs, rows, dtype=torch.int32, device=device)
         self._first_obs_row = torch.arange(runs, device=device)[:, None] * self.obs.shape[1]
-        self._first_row = torch.arange(runs, device=device)[:, None] * rows
         self._game = torch.arange(games, device=device)
 
     def __len__(self) -> int:
@@ -106,7 +105,10 @@ class Replay:
         return (drawn + oldest * self.games) % (self.slots * self.games)
 
     def gather(self, rows: Tensor, shown: Tensor) -> Drawn:
-        """Minibatches that stay where they are; rows [R, N, B]; shown [N, 1+S], whom i is shown."""
+        """Minibatches that stay where they are.
+
+        rows: [R, N, B], or [R, B] for all agents at once; shown: [N, 1+S], whom agent i is shown.
+        """
         return Drawn(
             obs=self.obs,
             next_row=self.next_row,
@@ -115,18 +117,6 @@ class Replay:
             discount=self.discount,
             rows=rows.contiguous(),
             shown=shown,
-        )
-
-    def gather_joint(self, rows: Tensor) -> Batch:
-        """Put one minibatch a run together, of all agents at once. rows: [R, B]."""
-        taken = rows + self._first_row  # [R, B], rows of the flat memories
-        now_and_next = torch.cat((rows, self.next_row.view(-1)[taken]), -1)  # [R, 2B]
-        action = self.action.flatten(0, 1)[taken]
-        return Batch(
-            obs=self.obs.flatten(0, 1)[now_and_next + self._first_obs_row],  # [R, 2B, N, O]
-            action=action if action.is_floating_point() else action.long(),
-            reward=self.reward.flatten(0, 1)[taken],
-            discount=self.discount.view(-1)[taken],
         )
 
     def stretch(self, run: int, first: int, last: int) -> dict[str, Tensor]:

@@ -86,11 +86,9 @@ class Training:
 
     def sample(self) -> Batch | Drawn:
         """Sample a minibatch for each agent from its memory (l. 215), or one for all (joint)."""
-        joint, size = self.learner.joint, self.learner.config.batch_size
-        shape = (size,) if joint else (self.env.agents, size)
+        size = self.learner.config.batch_size
+        shape = (size,) if self.learner.joint else (self.env.agents, size)
         rows = self.replay.rows(self.streams.integers("replay", self.replay.held, *shape))
-        if joint:
-            return self.replay.gather_joint(rows)
         return self.replay.gather(rows, self.learner.shown_agents)
 
     def learn(self, batch: Batch | Drawn) -> None:

@@ -4,7 +4,7 @@ Both carry a gradient into their weights and, for the policy gradient, into the 
 Letters: `G` networks, `B` rows, `O` observation, `A` numbers of an action, `S` senders.
 """
 
-from typing import Any, NamedTuple, Protocol
+from typing import Any, Literal, NamedTuple, Protocol
 
 import torch
 from torch import Tensor
@@ -143,3 +143,20 @@ class ConcatCritic:
             assert isinstance(inputs, Tensor)
             gradient = through_relu(weights[name], gradient, inputs)
         return torch.bmm(gradient, weights[first].weight[:, self._own].mT)
+
+
+def critic_of(
+    kind: Literal["fgh", "concat", "own"],
+    observation: int,
+    action: int,
+    agents: int,
+    f_units: tuple[int, int],
+    g_units: int,
+    h_units: int,
+) -> Critic:
+    """h(f, g), one perceptron on everything, or h(f), which hears nobody."""
+    senders = 0 if kind == "own" else agents - 1
+    if kind == "concat":
+        return ConcatCritic(observation, action, senders, (*f_units, h_units))
+    units: Any = {"own_units": f_units, "others_units": g_units, "joint_units": h_units}
+    return FGHCritic(observation, action, senders, **units)

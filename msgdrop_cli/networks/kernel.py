@@ -1,14 +1,16 @@
 """Builds a C file with the machine's compiler, once, and loads it; without a compiler: None.
 
-The compiled file lies in the user's cache folder under a name made of the source, the flags, the
-compiler and the processor, so it is never used where it does not belong. `MSGDROP_KERNEL=torch`
-chooses the plain torch path, which gives the same numbers up to rounding (test_compiled).
+The compiled file lies in the user's cache folder under a name made of the source with its headers,
+the flags, the compiler and the processor, so it is never used where it does not belong.
+`MSGDROP_KERNEL=torch` chooses the plain torch path, which gives the same numbers up to rounding
+(test_compiled).
 """
 
 import ctypes
 import hashlib
 import os
 import platform
+import re
 import shutil
 import subprocess
 import tempfile
@@ -43,7 +45,8 @@ def _compiler() -> str | None:
 
 def _built(compiler: str, source: Path) -> Path:
     version = subprocess.run([compiler, "--version"], capture_output=True, check=True).stdout
-    recipe = b"\0".join((source.read_bytes(), " ".join(_FLAGS).encode(), version, _processor()))
+    parts = (_with_headers(source), " ".join(_FLAGS).encode(), version, _processor())
+    recipe = b"\0".join(parts)
     folder = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "msgdrop"
     library = folder / f"{source.stem}-{hashlib.sha256(recipe).hexdigest()[:16]}.so"
     if not _is_whole(library):
@@ -57,6 +60,13 @@ def _built(compiler: str, source: Path) -> Path:
             output.replace(library)
             seal.replace(library.with_suffix(".sha256"))
     return library
+
+
+def _with_headers(source: Path) -> bytes:
+    """The file and what it includes of ours."""
+    text = source.read_bytes()
+    headers = re.findall(rb'^#include "(.+)"', text, re.MULTILINE)
+    return text + b"".join(_with_headers(source.parent / name.decode()) for name in headers)
 
 
 def _is_whole(library: Path) -> bool:
