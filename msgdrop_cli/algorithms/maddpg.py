@@ -285,7 +285,7 @@ class MADDPG:
         """
         own, acts = self._rows(obs), self._rows(action)
         action_keep = keep if self.config.masks_actions else torch.ones_like(keep)
-        if self.config.shares_parameters and self.config.network == "fgh":
+        if self.config.shares_parameters and self._senders:
             masked = ((obs, keep), (action, action_keep))
             return own, acts, SharedOthers(*(Blocks.of(x, k[..., 0]) for x, k in masked))
         seen, acted = (x[:, :, self.shown_agents[:, 1:]] for x in (obs, action))  # [R, B, N, S, U]

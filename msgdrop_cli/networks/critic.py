@@ -10,6 +10,7 @@ import torch
 from torch import Tensor
 
 from msgdrop_cli.networks.perceptron import Perceptron
+from msgdrop_cli.networks.shared_others import SharedOthers, WithOthers
 from msgdrop_cli.networks.sparse_rows import sparse_rows
 from msgdrop_cli.networks.stacked import Apart, Layers, Stacked, dense, dense_backward, through_relu
 
@@ -22,7 +23,7 @@ class Critic(Protocol):
     """S, the agents whose observations and actions are among its inputs."""
 
     def forward(
-        self, weights: Stacked, own: Tensor, action: Tensor, others: Tensor | Apart
+        self, weights: Stacked, own: Tensor, action: Tensor, others: Tensor | SharedOthers
     ) -> tuple[Tensor, Any]:
         """Q [G, B, 1] of own [G, B, O], action [G, B, A], others [G, B, S*(O+A)], and a trace."""
 
@@ -38,7 +39,7 @@ class Trace(NamedTuple):
 
     own: Tensor | Apart
     """(o, a)"""
-    others: Tensor | Apart
+    others: Tensor | SharedOthers
     f1: Tensor
     """(f1, a)"""
     joint: Tensor
@@ -69,7 +70,7 @@ class FGHCritic:
         self.layers: Layers = {**f, **g, "h1": (joint, joint_units), "h2": (joint_units, 1)}
 
     def forward(
-        self, weights: Stacked, own: Tensor, action: Tensor, others: Tensor | Apart
+        self, weights: Stacked, own: Tensor, action: Tensor, others: Tensor | SharedOthers
     ) -> tuple[Tensor, Trace]:
         """The action enters f twice (l. 770); shapes as in `Critic`."""
         seen = sparse_rows(torch.cat((own, action), -1))
@@ -116,12 +117,16 @@ class ConcatCritic:
         self.layers: Layers = self._perceptron.layers
 
     def forward(
-        self, weights: Stacked, own: Tensor, action: Tensor, others: Tensor | Apart
+        self, weights: Stacked, own: Tensor, action: Tensor, others: Tensor | SharedOthers
     ) -> tuple[Tensor, list[Tensor | Apart]]:
-        """Shapes as in `Critic`; the others are multiplied out."""
-        assert isinstance(others, Tensor)
-        everything = torch.cat((own, action, others), -1)
-        return self._perceptron.forward(weights, sparse_rows(everything))
+        """Shapes as in `Critic`."""
+        mine = torch.cat((own, action), -1)
+        everything: Tensor | Apart
+        if isinstance(others, SharedOthers):
+            everything = WithOthers(sparse_rows(mine), mine.shape[-1], others)
+        else:
+            everything = sparse_rows(torch.cat((mine, others), -1))
+        return self._perceptron.forward(weights, everything)
 
     def backward(
         self,

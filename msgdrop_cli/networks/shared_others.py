@@ -81,3 +81,24 @@ class SharedOthers:
         senders = self.observations.choice.shape[-1] // 2
         observed = senders * self.observations.units
         return weight[:, :observed], weight[:, observed:]
+
+
+@dataclass(frozen=True, slots=True)
+class WithOthers:
+    """Own rows and the others in one layer, for a critic that is fed everything at once."""
+
+    own: Tensor | SparseRows
+    """[R, B*N, O+A]"""
+    units: int
+    """O+A"""
+    others: SharedOthers
+
+    def times(self, weight: Tensor, bias: Tensor) -> Tensor:
+        """[R, B*N, N*(O+A)] times weight [R, N*(O+A), H] plus bias [R, 1, H]: [R, B*N, H]."""
+        rest = self.others.times(weight[:, self.units :], bias)
+        return matmul(self.own, weight[:, : self.units]).add_(rest)
+
+    def gradient(self, grad_output: Tensor, out: Tensor) -> None:
+        """Write dL/dweight [R, N*(O+A), H] into `out`; grad_output [R, B*N, H]."""
+        out[:, : self.units] = matmul_gradient(self.own, grad_output)
+        self.others.gradient(grad_output, out[:, self.units :])
