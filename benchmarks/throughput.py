@@ -28,9 +28,18 @@ from msgdrop_cli.networks.kernel import kernel_name
 from msgdrop_envs import autoreset, registry
 
 PUBLISHED = Path(__file__).parents[1] / "results" / "published"
-ASKED_RATIO = {"navigation-n8": 4.0, "waterworld-n8": 3.0}
+ASKED_RATIO = {
+    ("pursuit-n6", "dcc-md"): 12,
+    ("pursuit-n8", "dcc-md"): 12,
+    ("navigation-n8", "dcc-md"): 15,
+    ("waterworld-n8", "maddpg-md"): 6,
+}
 """Times the plain implementation's speed that the engine should reach at least."""
-ASKED_ALONE = {("waterworld-n8", 1024): 20_000}
+ASKED_ALONE = {
+    ("pursuit-n6", 1024): 300_000,
+    ("navigation-n8", 1024): 150_000,
+    ("waterworld-n8", 1024): 40_000,
+}
 """Joint steps per second that so many games alone should reach at least."""
 GAMES = (1, 32, 1024)
 
@@ -141,8 +150,8 @@ def _print_comparison(environment: str, algorithm: str, result: Comparison) -> N
         speed = f"{row['env_steps_per_s']:12,.0f}"
         print(f"{environment:14}{algorithm:15}{name:7}{speed}{parts}", flush=True)
     low, high = result.ratios[0], result.ratios[-1]
-    asked = ASKED_RATIO.get(environment)
-    wanted = f", asked for: {asked:g}" if asked else ""
+    asked = ASKED_RATIO.get((environment, algorithm))
+    wanted = f", asked for: {asked}" if asked else ""
     print(f"{'':29}ratio {statistics.median(result.ratios):.2f} ({low:.2f} to {high:.2f}){wanted}")
 
 

@@ -84,4 +84,5 @@ def use_kernel(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     if name == NAME and load(SOURCE) is None:
         pytest.skip("no C compiler, or MSGDROP_KERNEL=torch")
     if name == "torch":
-        monkeypatch.setattr("msgdrop_cli.algorithms.compiled.load", lambda _: None)
+        for learner in ("compiled", "compiled_maddpg"):
+            monkeypatch.setattr(f"msgdrop_cli.algorithms.{learner}.load", lambda _: None)

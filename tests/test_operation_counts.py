@@ -24,6 +24,8 @@ CALLS = {
     ("torch", "pursuit-n6"): (32, 104, 8, 140),
     (NAME, "navigation-n8"): (16, 114, 8, 19),
     ("torch", "navigation-n8"): (32, 114, 8, 140),
+    (NAME, "waterworld-n8"): (17, 215, 7, 13),
+    ("torch", "waterworld-n8"): (23, 215, 7, 305),
 }
 """Operator calls of each part, at most: of one step of 8 games, and of one update."""
 KILOBYTES = {
@@ -31,6 +33,8 @@ KILOBYTES = {
     ("torch", "pursuit-n6"): (500, 40, 8, 6_000),
     (NAME, "navigation-n8"): (6, 96, 10, 32),
     ("torch", "navigation-n8"): (300, 96, 10, 3_200),
+    (NAME, "waterworld-n8"): (9, 380, 2, 34),
+    ("torch", "waterworld-n8"): (27, 380, 2, 8_300),
 }
 """Kilobytes of new tensors, likewise."""
 
@@ -79,7 +83,9 @@ def test_a_step_makes_no_more_operator_calls(
 ) -> None:
     """Calls and new bytes of acting, playing, sampling and learning stay within their bounds."""
     use_kernel(kernel, monkeypatch)
-    training = Training([planned(environment=environment, replay_capacity=2_000).spec])
+    algorithm = "maddpg-md" if environment == "waterworld-n8" else "dcc-md"
+    run = planned(algorithm, environment=environment, replay_capacity=2_000)
+    training = Training([run.spec])
     training.begin()
     with torch.no_grad():
         for _ in range(20):

@@ -29,7 +29,7 @@ from torch import Tensor
 from msgdrop_envs import waiting
 from msgdrop_envs.protocol import Metric, Reference, Transition
 from msgdrop_envs.waterworld_places import outside
-from msgdrop_envs.waterworld_planes import games_first, games_last
+from msgdrop_envs.waterworld_planes import dot, games_first, games_last
 from msgdrop_envs.waterworld_sensors import Sensors
 
 if TYPE_CHECKING:
@@ -221,7 +221,7 @@ class Waterworld:
             self.config.catch_reward * self._paid(on_food & caught)
             + self.config.touch_reward * self._paid(on_food)
             - self.config.poison_penalty * self._paid(on_poison)
-            - self.config.action_penalty * (push[0] * push[0] + push[1] * push[1])
+            - self.config.action_penalty * dot(push, push)
         )
         counts = (caught.sum(0).float(), touches.sum(0), met.sum(0).float())
         goes_on = torch.ones(batch, device=reward.device)
@@ -261,16 +261,17 @@ class Waterworld:
         gone = torch.cat((caught, met)).t()  # [B, M+L]
         numbers = uniforms.reshape(*gone.shape, 4)
         berth, speed = self._berth[self.agents :, 0], self._speed
-        few = waiting.can_ask(gone)  # else all get a place, and some take it
-        if few:
-            numbers, which = numbers[gone], gone.nonzero()[:, 1]
-            berth, speed = berth[which], speed[which]
+        if waiting.can_ask(gone):  # a shortcut, never another result
+            game, which = gone.nonzero().unbind(1)
+            if len(game) == 0:
+                return
+            numbers, berth, speed = numbers[game, which], berth[which], speed[which]
         places, speeds = outside(numbers[..., :2], berth), (numbers[..., 2:] - 0.5) * speed
         for old, new in ((positions, places), (velocities, speeds)):
-            objects = old[:, self.agents :].permute(2, 1, 0)  # [B, M+L, 2]
-            if few:
-                objects[gone] = new
-            else:
+            if waiting.can_ask(gone):
+                old[:, self.agents + which, game] = new.t()
+            else:  # all get a place, and some take it
+                objects = old[:, self.agents :].permute(2, 1, 0)  # [B, M+L, 2]
                 objects.copy_(torch.where(gone[..., None], new, objects))
 
     def _move(self, positions: Tensor, velocities: Tensor, push: Tensor) -> tuple[Tensor, Tensor]:
@@ -280,13 +281,13 @@ class Waterworld:
         moved = goal.clamp(0, 1)
         velocities = torch.where(goal == moved, velocities, velocities * self._wall)
         away = moved - 0.5
-        at_rim = away[0] * away[0] + away[1] * away[1] <= self._rim  # [N+M+L, B]
+        at_rim = dot(away, away) <= self._rim  # [N+M+L, B]
         return moved, torch.where(at_rim, velocities * self._bounce, velocities)
 
     def _contacts(self, positions: Tensor) -> tuple[Tensor, Tensor, Tensor]:
         """Who touches what [N, M+L, B], which food is caught [M, B], which poison is met [L, B]."""
         away = positions[:, None, self.agents :] - positions[:, : self.agents, None]
-        touch = away[0] * away[0] + away[1] * away[1] <= self._reach
+        touch = dot(away, away) <= self._reach
         enough = touch[:, self._foods].sum(0) >= self.config.catchers
         return touch, enough, touch[:, self._poisons].any(0)
 

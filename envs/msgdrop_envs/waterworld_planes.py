@@ -16,3 +16,9 @@ def games_last(tensor: Tensor) -> Tensor:
 def games_first(planes: Tensor, batch: torch.Size) -> Tensor:
     """[2, E, games] as [*batch, E, 2], packed."""
     return planes.permute(2, 1, 0).contiguous().view(*batch, planes.shape[1], 2)
+
+
+def dot(one: Tensor, other: Tensor) -> Tensor:
+    """The products summed over the two coordinates; [2, ...] each, which may be broadcast."""
+    x, y = (one * other).unbind()
+    return x + y

@@ -17,6 +17,7 @@ import torch
 from torch import Tensor
 
 from msgdrop_envs import waiting
+from msgdrop_envs.waterworld_planes import dot
 
 if TYPE_CHECKING:
     from msgdrop_envs.waterworld import Config
@@ -37,16 +38,22 @@ class Sensors:
         # Rounded, so that a quarter turn has the cosine 0 and not 6e-17.
         self._cos = angles.cos().round(decimals=12).float().to(device)
         self._sin = angles.sin().round(decimals=12).float().to(device)
+        # What a place or velocity is multiplied by to be along a ray, or across it: [2, 1, S].
+        self._along = torch.stack((self._cos, self._sin))[:, None]
+        self._across = torch.stack((self._sin, -self._cos))[:, None]
         self._numbers = numbers = (agents, config.food, config.poison)
         kinds = [kind for kind, number in enumerate(numbers) for _ in range(number)]
         self._kinds = torch.tensor(kinds, device=device)
         widths = config.radii if config.sensor_width == "object" else (config.radius,) * CLASSES
-        self._widths = torch.tensor(widths, device=device)[self._kinds]
+        self._widths = torch.tensor(widths, device=device)[self._kinds][:, None]  # [N+M+L, 1]
         # A little more than is needed: what each sensor meets is decided exactly later on.
-        near = (config.sensor_range**2 + self._widths**2) * 1.001
+        near = (config.sensor_range**2 + self._widths[:, 0] ** 2) * 1.001
         self._near = near.repeat(agents, 1)  # [N, N+M+L]
         self._near[:, :agents].fill_diagonal_(-1.0)  # nobody senses itself
         self._near = self._near[..., None]
+        # Where in its game's observations an agent's first reading of an object's kind stands.
+        firsts = torch.arange(agents, device=device)[:, None] * self.size
+        self._columns = firsts + 2 + self._kinds * (2 * rays)  # [N, N+M+L]
 
     def read(self, positions: Tensor, velocities: Tensor, touch: Tensor) -> Tensor:
         """What all pursuers see, [B, N, O] float32.
@@ -70,44 +77,28 @@ class Sensors:
 
     def _sense(self, obs: Tensor, positions: Tensor, velocities: Tensor) -> None:
         """Write distances and velocities of what is met into `obs`, whose place for them is 0."""
-        config, (_, entities, games) = self.config, positions.shape
+        config, rays = self.config, self.config.sensors
         away = positions[:, None] - positions[:, : config.pursuers, None]  # [2, N, N+M+L, B]
-        near = away[0] * away[0] + away[1] * away[1] <= self._near
-        pair = near.view(-1).nonzero()[:, 0]  # [P]
-        x, y = away.view(2, -1)[:, pair]
-        agent = pair.div(entities * games, rounding_mode="floor")
-        seen = pair - agent * (entities * games)  # place of the object in [N+M+L, B]
-        entity = seen.div(games, rounding_mode="floor")
-        game = seen - entity * games
-        distance = x[:, None] * self._cos + y[:, None] * self._sin  # [P, S]
-        aside = x[:, None] * self._sin - y[:, None] * self._cos
+        agent, entity, game = (dot(away, away) <= self._near).nonzero().unbind(1)  # [P] each
+        apart = away[:, agent, entity, game, None]  # [2, P, 1]
+        distance, aside = dot(apart, self._along), dot(apart, self._across)  # [P, S]
         met = (distance >= 0) & (distance <= config.sensor_range)
-        met &= aside.abs() <= self._widths[entity][:, None]
-        hit = met.view(-1).nonzero()[:, 0]  # [H]
-        which = hit.div(config.sensors, rounding_mode="floor")
-        ray = hit - which * config.sensors
-        # The nearest on each sensor, of equally near ones the first: the least of (distance, hit)
+        met &= aside.abs() <= self._widths[entity]
+        which, ray = met.nonzero().unbind(1)  # [H] each
+        # The nearest on each sensor, of equally near ones the first: the least of (distance, order)
         # as one integer, for the bits of floats >= 0 are in the order of the floats.
-        distance = distance.view(-1)[hit] + 0.0  # no -0
-        block = (game * config.pursuers + agent) * CLASSES + self._kinds[entity]
-        slot = block[which] * config.sensors + ray
-        order = torch.arange(len(hit), device=hit.device)
-        key = (distance.view(torch.int32).long() << 32) | order
-        best = key.new_full((games * config.pursuers * CLASSES * config.sensors,), UNMET)
-        best.scatter_reduce_(0, slot, key, "amin")
-        nearest = (best[slot] == key).nonzero()[:, 0]
-        which, ray, distance = which[nearest], ray[nearest], distance[nearest]
-        one, other = velocities.view(2, -1)[:, (agent * games + game)[which]], seen[which]
-        u, v = velocities.view(2, -1)[:, other] - one
-        speed = u * self._cos[ray] + v * self._sin[ray]
-        kind = self._kinds[entity][which]
-        row = (game * config.pursuers + agent)[which] * self.size
-        column = row + 2 + kind * (2 * config.sensors) + ray
+        distance = distance[which, ray] + 0.0  # no -0
+        column = (game * config.pursuers * self.size + self._columns[agent, entity])[which] + ray
+        key = distance.view(torch.int32).long() << 32 | torch.arange(len(ray), device=ray.device)
+        best = key.new_full((obs.numel(),), UNMET).scatter_reduce_(0, column, key, "amin")
+        nearest = (best[column] == key).nonzero()[:, 0]
+        distance, column = distance[nearest], column[nearest]
+        which, ray = which[nearest], ray[nearest]
+        motion = velocities[:, entity, game] - velocities[:, agent, game]  # [2, P]
+        speed = dot(motion[:, which], self._along[:, 0, ray])
         if config.sensors_scaled:
             distance, speed = distance / config.sensor_range, speed / config.velocity_unit
-        flat = obs.view(-1)
-        flat[column] = distance
-        flat[column + config.sensors] = speed
+        obs.view(-1).scatter_(0, column, distance).scatter_(0, column + rays, speed)
 
     def _sense_all(self, obs: Tensor, positions: Tensor, velocities: Tensor) -> None:
         """The same bits as `_sense` from tensors whose shapes do not depend on what is met."""
@@ -117,7 +108,7 @@ class Sensors:
         x, y = away[..., None, :]  # [N, N+M+L, 1, B]
         distance = x * cos + y * sin  # [N, N+M+L, S, B]
         met = (distance >= 0) & (distance <= config.sensor_range)
-        met &= (x * sin - y * cos).abs() <= self._widths[:, None, None]
+        met &= (x * sin - y * cos).abs() <= self._widths[..., None]
         met &= (self._near > 0)[..., None]  # nobody senses itself
         distance = torch.where(met, distance + 0.0, math.inf)  # no -0
         first = 0
