@@ -29,7 +29,7 @@ from benchmarks.counting import DENSE, Cost
 from benchmarks.plain.stopwatch import PARTS
 from benchmarks.updates import CASES, learning_ms, parameters, shares, update_cost, update_ms
 from msgdrop_cli.engine.training import Training
-from msgdrop_cli.networks.kernel import kernel_name
+from msgdrop_cli.networks.kernel import why_torch
 
 ASKED = {"pursuit-n6": 1.5, "pursuit-n8": 1.5, "navigation-n8": 2.0, "waterworld-n8": 2.0}
 """Times the floor that an update should take at most."""
@@ -107,7 +107,7 @@ def main() -> None:
         sys.exit("set OMP_NUM_THREADS=1: numpy's products are to take one core, as torch's do")
     torch.set_num_threads(1)
     torch.set_grad_enabled(False)
-    print(f"one thread, kernel {kernel_name()!r}, {torch.backends.cpu.get_cpu_capability()}")
+    print(f"one thread, {why_torch() or 'compiled'}, {torch.backends.cpu.get_cpu_capability()}")
     if options.growth:
         growth.draw(options.growth, options.seconds, options.blocks)
         return

@@ -24,7 +24,7 @@ from benchmarks import engine
 from benchmarks.plain import measure as plain
 from benchmarks.plain.stopwatch import PARTS
 from msgdrop_cli.engine.evaluation import evaluate
-from msgdrop_cli.networks.kernel import kernel_name
+from msgdrop_cli.networks.kernel import why_torch
 from msgdrop_envs import autoreset, registry
 
 PUBLISHED = Path(__file__).parents[1] / "results" / "published"
@@ -129,7 +129,7 @@ def main() -> None:
     if options.memory_of:
         print(json.dumps(memory_here(options.memory_of)))
         return
-    print(f"one thread, kernel {kernel_name()!r}, {torch.backends.cpu.get_cpu_capability()}")
+    print(f"one thread, {why_torch() or 'compiled'}, {torch.backends.cpu.get_cpu_capability()}")
     print("ms per env step; an update's cost is spread over the env steps that it serves")
     print(f"{'':36}{'env steps/s':>12}" + "".join(f"{part:>9}" for part in PARTS))
     environments = [options.environment] if options.environment else list(plain.CASES)

@@ -180,3 +180,10 @@ def test_a_run_says_what_it_computes_with(changes: dict[str, Any], expected: str
     assert kernel_name(spec, "cpu") == expected
     env, learner = registry.make(spec.environment_config), learner_class(spec.algorithm)
     assert learner.kernel(spec.algorithm_config, env, "cuda") == "torch"
+
+
+def test_observations_beyond_two_bytes_are_torchs() -> None:
+    """dcc.c numbers what it finds in a block with 16 bits: 73 cells of sight fit, 74 do not."""
+    for sight, name in ((73, NAME), (74, "torch")):
+        config = replace(registry.settings()["pursuit-n6"], sight=sight)
+        assert DCC.kernel(Config(), registry.make(config), "cpu") == name

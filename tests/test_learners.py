@@ -11,7 +11,9 @@ from torch import Tensor
 
 from msgdrop_cli.algorithms.registry import learner_class, learners
 from msgdrop_cli.definition.spec import RunSpec, TrainingSpec
+from msgdrop_cli.engine.catalogue import catalogue
 from msgdrop_cli.engine.training import Training
+from msgdrop_cli.errors import DefinitionError
 from msgdrop_envs import registry
 from tests.dcc_samples import integers, rand
 
@@ -163,3 +165,19 @@ def test_tensors_and_policy_are_views_that_round_trip(
     for view in fresh.policy(0).values():
         view.zero_()
     assert len(fresh.act_greedily(obs)[0].unique()) == 1  # nothing tells observations apart
+
+
+@pytest.mark.parametrize("algorithm", ["dcc", "concat-md", "maddpg", "vanilla-maddpg"])
+def test_one_agent_alone_has_nobody_to_hear(algorithm: str) -> None:
+    """A network without senders would begin with weights that are no numbers."""
+    known = catalogue()
+    named = known.algorithm(algorithm)
+    games = {"dcc": "pursuit-n6", "maddpg": "waterworld-n8"}
+    alone = {"pursuers": 1} | ({"catchers": 1} if named.learner == "maddpg" else {})
+    config = dataclasses.replace(known.environment(games[named.learner]), **alone)
+    make = learner_class(named.learner)
+    with pytest.raises(DefinitionError, match="one agent alone has nobody to hear"):
+        make([named.config_class(**named.overrides)], registry.make(config), "cpu")
+    own = {"dcc": "fdc", "maddpg": "ddpg"}[named.learner]
+    overrides = known.algorithm(own).overrides
+    make([named.config_class(**overrides)], registry.make(config), "cpu")

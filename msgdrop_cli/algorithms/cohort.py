@@ -7,6 +7,8 @@ from typing import Any, TypeVar
 import torch
 from torch import Tensor
 
+from msgdrop_cli.errors import DefinitionError
+
 ConfigT = TypeVar("ConfigT", bound=Any)
 
 
@@ -32,8 +34,13 @@ def check_ranges(
         raise ValueError(f"f_units must be at least 1 each, not {list(config.f_units)}")
 
 
-def shared_config(configs: Sequence[ConfigT]) -> ConfigT:
-    """The Config that stands for all runs; ValueError if they differ in more than `rate`."""
+def shared_config(configs: Sequence[ConfigT], agents: int) -> ConfigT:
+    """The Config that stands for all runs; ValueError if they differ in more than `rate`.
+
+    Raises DefinitionError if its network would hear others and the only agent has none.
+    """
+    if agents == 1 and configs[0].network != "own":
+        raise DefinitionError("one agent alone has nobody to hear; take fdc or ddpg")
     if any(replace(each, rate=configs[0].rate) != configs[0] for each in configs):
         raise ValueError("the runs of a cohort may differ in rate only")
     return configs[0]

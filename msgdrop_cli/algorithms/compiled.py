@@ -54,6 +54,7 @@ def library(
         and env.observation_dtype in (torch.uint8, torch.float32)
         and all(width % LANES == 0 for width in hidden)
         and actions <= LANES
+        and env.observation_size < 2**16  # dcc.c numbers a block's ones in two bytes
         and max_gradient_norm == 0
     )
     return load(SOURCE) if known else None

@@ -118,7 +118,7 @@ class DCC:
     def __init__(
         self, configs: Sequence[Config], env: Environment, device: torch.device | str = "cpu"
     ) -> None:
-        self.config = config = shared_config(configs)
+        self.config = config = shared_config(configs, env.agents)
         if env.actions == 0:
             raise DefinitionError("dcc picks one of several actions; this environment has none")
         self._runs, self._agents = len(configs), env.agents

@@ -111,7 +111,7 @@ class MADDPG:
     def __init__(
         self, configs: Sequence[Config], env: Environment, device: torch.device | str = "cpu"
     ) -> None:
-        self.config = config = shared_config(configs)
+        self.config = config = shared_config(configs, env.agents)
         if env.action_size == 0:
             raise DefinitionError("maddpg acts by numbers; this environment has single actions")
         self._runs, self._agents, self._size = len(configs), env.agents, config.batch_size
@@ -285,7 +285,7 @@ class MADDPG:
         """
         own, acts = self._rows(obs), self._rows(action)
         action_keep = keep if self.config.masks_actions else torch.ones_like(keep)
-        if self.config.shares_parameters and self._senders:
+        if self.config.shares_parameters and self._senders:  # as below, not multiplied out
             masked = ((obs, keep), (action, action_keep))
             return own, acts, SharedOthers(*(Blocks.of(x, k[..., 0]) for x, k in masked))
         seen, acted = (x[:, :, self.shown_agents[:, 1:]] for x in (obs, action))  # [R, B, N, S, U]

@@ -67,11 +67,20 @@ def carry_out(definition: Definition, options: TrainOptions) -> int:
     if tasks:
         check_memory(cost.memory_bytes, options.device)
         check_folder(options.results, cost.disk_bytes)
+        _say_what_is_slow(options.device)
         outcomes = _train(asked, looked_up, tasks, options)
     else:
         console.note("nothing to train")
     broken = _report(asked, options, outcomes)
     return max(broken, *(outcome.exit_code for outcome in outcomes), 0)
+
+
+def _say_what_is_slow(device: str) -> None:
+    """Nothing fails without a C compiler, so nobody would wonder."""
+    from msgdrop_cli.networks.kernel import why_torch
+
+    if device == "cpu" and (reason := why_torch()):
+        console.note(f"updates are computed by torch, several times slower ({reason})")
 
 
 def _train(

@@ -285,7 +285,7 @@ def _check_kernel(checkpoint: Checkpoint, kernel: str) -> None:
     if began_with != kernel:
         raise RunError(
             f"{checkpoint.path}: was trained with the {began_with!r} kernel, this process has"
-            f" {kernel!r}; take the same --device, or see MSGDROP_KERNEL in networks/kernel.py"
+            f" {kernel!r}; take the same --device, compiler and MSGDROP_KERNEL as before"
         )
 
 

@@ -17,30 +17,43 @@ import tempfile
 from functools import cache
 from pathlib import Path
 
+from msgdrop_cli.definition.strict import one_line
+from msgdrop_cli.errors import DefinitionError
+
 _FLAGS = ("-O3", "-march=native", "-std=c11", "-fno-math-errno", "-fPIC", "-shared")
 
 
-def kernel_name() -> str:
-    """What this process can compute with; what a run does compute with, its learner says."""
-    return "torch" if _compiler() is None else "c"
+def load(source: Path) -> ctypes.CDLL | None:
+    """The compiled file, or None where there is no C compiler or it is not wanted.
+
+    Raises DefinitionError if MSGDROP_KERNEL is neither `torch` nor unset.
+    """
+    found = _loaded(source)
+    return None if isinstance(found, str) else found
+
+
+def why_torch() -> str | None:
+    """Why nothing is compiled here, for people; None if it is."""
+    found = _loaded(Path(__file__).with_name("sparse_rows.c"))
+    return found if isinstance(found, str) else None
 
 
 @cache
-def load(source: Path) -> ctypes.CDLL | None:
-    """The compiled file, or None where there is no C compiler or it is not wanted."""
-    compiler = _compiler()
+def _loaded(source: Path) -> ctypes.CDLL | str:
+    """The compiled file, or why there is none."""
+    if wanted := os.environ.get("MSGDROP_KERNEL"):
+        if wanted != "torch":
+            raise DefinitionError(f"MSGDROP_KERNEL must be torch or not set, not {wanted[:64]!r}")
+        return "MSGDROP_KERNEL=torch"
+    compiler = shutil.which("cc") or shutil.which("gcc") or shutil.which("clang")
     if compiler is None:
-        return None
+        return "no C compiler: cc, gcc or clang"
     try:
         return ctypes.CDLL(str(_built(compiler, source)))
-    except (OSError, RuntimeError, subprocess.SubprocessError):  # RuntimeError: there is no home
-        return None
-
-
-def _compiler() -> str | None:
-    if os.environ.get("MSGDROP_KERNEL") == "torch":
-        return None
-    return shutil.which("cc") or shutil.which("gcc") or shutil.which("clang")
+    except subprocess.SubprocessError:
+        return f"{compiler} cannot build {source.name}"
+    except (OSError, RuntimeError) as error:  # RuntimeError: there is no home
+        return one_line(f"{source.name} cannot be kept or loaded: {error}")
 
 
 def _built(compiler: str, source: Path) -> Path:
