@@ -195,11 +195,11 @@ class DCC:
             arrives = keep[..., : self.network.hears].transpose(1, 2).flatten(0, 1)  # [G, E, S]
             factor = factor.clone()
             factor[:, :, 1:, 0] *= arrives
-        if self._compiled is None:
-            shown = obs[:, :, self.shown_agents].transpose(1, 2).flatten(0, 1)  # [G, E, 1+S, O]
-            q, _ = self.network.forward(self.online, masked_input(shown, factor))  # [G, E, A]
+        if self._compiled is not None:  # the same up to rounding
+            q = self._compiled.q_values(obs, factor)  # [G, E, A]
         else:
-            q = self._compiled.q_values(obs, factor)
+            shown = obs[:, :, self.shown_agents].transpose(1, 2).flatten(0, 1)  # [G, E, 1+S, O]
+            q, _ = self.network.forward(self.online, masked_input(shown, factor))
         return q.view(runs, self._agents, games, -1).transpose(1, 2)
 
     def update(self, batch: Batch | Drawn, uniforms: Tensor) -> None:
@@ -218,6 +218,12 @@ class DCC:
         self._sums[0].add_(loss.view(self._runs, -1).mean(1))
         self._sums[1].add_(q.view(self._runs, -1).mean(1))
         self._summed += 1
+
+    def _with_binary_mask(self, uniforms: Tensor) -> Tensor:
+        """One mask a sample, for m~ and m~' alike (l. 233-241); the own block stays 1."""
+        mask = keep_mask(uniforms.view(len(uniforms), *self._keep.shape[1:]), self.rate)
+        self._keep.copy_(mask)
+        return self._factor.flatten(0, 1)
 
     def _minimise(self, batch: Batch, factor: Tensor) -> tuple[Tensor, Tensor]:
         """The losses [G, B] and Q [G, 2B, A] before the step."""
@@ -277,12 +283,6 @@ class DCC:
         """Set the counters of `progress` again."""
         self.updates, self._summed = counters
         self.adam.resume_at(self.updates)
-
-    def _with_binary_mask(self, uniforms: Tensor) -> Tensor:
-        """One mask a sample, for m~ and m~' alike (l. 233-241); the own block stays 1."""
-        mask = keep_mask(uniforms.view(len(uniforms), *self._keep.shape[1:]), self.rate)
-        self._keep.copy_(mask)
-        return self._factor.flatten(0, 1)
 
 
 def _network(config: Config, env: Environment) -> Network:
