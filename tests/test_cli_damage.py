@@ -35,3 +35,13 @@ def test_numbers_come_before_figures_that_cannot_be_written(copy: Store) -> None
     assert document.code == 73
     assert json.loads(document.out)["results"]
     assert json.loads(document.out)["figures"] == []
+
+
+def test_what_cannot_be_summarised_is_not_published(copy: Store) -> None:
+    """A damaged log is found before the first run is copied."""
+    log = sorted(copy.results.rglob("episodes.jsonl"))[0]
+    log.write_text('{"broken_links": 0.0, "episode": 0, "steps": 3}\n')
+    folder = copy.results / "published"
+    said = msgdrop("publish", copy.question, "--results", copy.results, "--to", folder)
+    assert (said.code, said.out) == (2, "")
+    assert not list(folder.rglob("run.json"))
