@@ -12,10 +12,13 @@ from msgdrop_cli.commands import estimate
 from msgdrop_cli.commands.shapes import run_sizes
 from msgdrop_cli.definition.load import load_definition
 from msgdrop_cli.definition.plan import ad_hoc_definition, plan
+from msgdrop_cli.definition.run_id import spec_to_dict
 from msgdrop_cli.definition.spec import PlannedRun, Profile
+from msgdrop_cli.engine import facts
 from msgdrop_cli.engine.catalogue import catalogue
 from msgdrop_cli.engine.checkpoint import Checkpoints
 from msgdrop_cli.engine.run import train_cohort
+from msgdrop_cli.records.store import RunRecord
 from msgdrop_envs import registry
 from tests import runs as tiny
 from tests.cli_runs import QUESTION, msgdrop
@@ -158,6 +161,27 @@ def test_work_counts_rows_and_updates() -> None:
     actor = 152 * 64 + 64 + 64 * 2 + 2
     assert shared.parameters == 172_129 + actor
     assert shared.work == (172_129 + actor) * 32 * 8 / 5
+
+
+@pytest.mark.parametrize(
+    ("made_by", "speed"),
+    [
+        ({}, 48.0),
+        ({"kernel": "c-sparse"}, None),
+        ({"kernel": None}, None),
+        ({"host": "aarch64 DEFAULT"}, None),
+        ({"device": "cuda"}, None),
+    ],
+)
+def test_speed_is_learnt_from_what_worked_alike(
+    made_by: dict[str, str | None], speed: float | None, tmp_path: Path
+) -> None:
+    """Another machine's run, or one of an older kernel, says nothing about this one."""
+    run = tiny.planned()
+    alike = {"device": "cpu", "kernel": "c-dcc", "host": facts._host()}
+    spec = {"spec": spec_to_dict(run.spec), "env_steps": 480, "wall_time_s": 10.0}
+    record = RunRecord(tmp_path, {**spec, **alike, **made_by})
+    assert estimate._measured_speed(run, [record], "cpu", "c-dcc") == speed
 
 
 def test_the_rule_of_thumb_is_near_what_was_measured() -> None:
