@@ -56,7 +56,7 @@ def run_sizes(run: PlannedRun, episodes: int) -> Sizes:
         return sum(part.nbytes for part in parts if isinstance(part, Tensor))
 
     config, training = run.spec.algorithm_config, run.spec.training
-    with _on_no_device(run):
+    with on_no_device(f"{run.spec.environment}, {run.variant}"):
         built = Training([run.spec], "meta")
         env, learner, replay = built.env, built.learner, built.replay
         policy = learner.policy(0).values()
@@ -95,7 +95,7 @@ def check_claims(asked: Plan, pending: Sequence[PlannedRun]) -> None:
     known: dict[str, Mapping[str, object]] = {}
     for run in pending:
         if run.spec.environment not in known:
-            with _on_no_device(run):
+            with on_no_device(f"{run.spec.environment}, {run.variant}"):
                 env = registry.make(run.spec.environment_config, "meta")
             known[run.spec.environment] = env.metrics
     for claim in asked.claims:
@@ -107,8 +107,8 @@ def check_claims(asked: Plan, pending: Sequence[PlannedRun]) -> None:
 
 
 @contextmanager
-def _on_no_device(run: PlannedRun) -> Iterator[None]:
-    """Everything is built on the meta device; sizes that torch cannot count are refused."""
+def on_no_device(place: str) -> Iterator[None]:
+    """Everything is built on the meta device; DefinitionError for sizes that torch cannot count."""
     import torch
 
     try:
@@ -116,6 +116,6 @@ def _on_no_device(run: PlannedRun) -> Iterator[None]:
             yield
     except (ArithmeticError, MemoryError, RuntimeError, TypeError, ValueError) as error:
         raise DefinitionError(
-            f"{run.spec.environment}, {run.variant}: a setting is too large: its map, networks,"
+            f"{place}: a setting is too large: its map, networks,"
             " batches or replay memory would have more bytes than 64 bits can count"
         ) from error
