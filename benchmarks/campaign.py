@@ -42,6 +42,10 @@ _MOST_MINUTES = 100_000
 def show_status(out: Path) -> int:
     """What campaign.json says, whether somebody is at work, and how far each run has come."""
     state = read_json(out / STATE)
+    try:
+        about, said = f"({state['phase']}, {state['written']})", counts(state["runs"])
+    except (KeyError, TypeError) as error:
+        raise RecordError(f"{out / STATE}: is damaged; a campaign writes it anew") from error
     at_work = False
     try:
         with run_lock(out):
@@ -50,8 +54,8 @@ def show_status(out: Path) -> int:
         if error.exit_code != BUSY:
             raise
         at_work = True
-    print("at work" if at_work else "not at work", f"({state['phase']}, {state['written']})")
-    print(counts(state["runs"]))
+    print("at work" if at_work else "not at work", about)
+    print(said)
     return app.run(["status", str(out)])
 
 

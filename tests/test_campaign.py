@@ -273,6 +273,21 @@ def test_status_is_shown(store: Store, tmp_path: Path, capsys: pytest.CaptureFix
     assert "2 runs: 2 done; 2 packed" in said
 
 
+@pytest.mark.parametrize(
+    "content",
+    ["{", "[]", "{}", '{"phase": 1, "written": 2, "runs": [3]}', '{"phase": 1, "written": 2}'],
+)
+def test_damaged_state_is_one_line(
+    content: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """It names the file and what to do, and shows no traceback."""
+    (tmp_path / "campaign.json").write_text(content)
+    assert campaign.main(["--status", "--out", str(tmp_path)]) == 2
+    said = capsys.readouterr()
+    assert (said.out, said.err.count("\n")) == ("", 1)
+    assert f"{tmp_path / 'campaign.json'}: is damaged" in said.err
+
+
 def test_busy_folder_is_refused(
     store: Store, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -1,6 +1,7 @@
 """What a plan needs of disk and memory: known, and refused, before anything is trained."""
 
 import os
+from collections.abc import Container
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,10 +13,13 @@ from msgdrop_cli.commands import estimate
 from msgdrop_cli.commands.shapes import run_sizes
 from msgdrop_cli.definition.load import load_definition
 from msgdrop_cli.definition.plan import ad_hoc_definition, plan
+from msgdrop_cli.definition.run_id import spec_to_dict
 from msgdrop_cli.definition.spec import PlannedRun, Profile
+from msgdrop_cli.engine import facts
 from msgdrop_cli.engine.catalogue import catalogue
 from msgdrop_cli.engine.checkpoint import Checkpoints
-from msgdrop_cli.engine.run import train_cohort
+from msgdrop_cli.engine.run import _Session, train_cohort
+from msgdrop_cli.records.store import RunRecord
 from msgdrop_envs import registry
 from tests import runs as tiny
 from tests.cli_runs import QUESTION, msgdrop
@@ -61,22 +65,47 @@ def test_sizes_are_known_without_memory(environment: str, algorithm: str) -> Non
     assert torch.ones(1).device.type == "cpu"  # nothing is left switched over
 
 
+@pytest.mark.parametrize(
+    ("settings", "written_at"),
+    [
+        # Networks are most of it: two checkpoints are kept while the third one is written.
+        (["algorithm.replay_capacity=50"], range(20, 201, 20)),
+        # Replay is most of it: the one of 1,000 still holds a step that the one of 1,996 needs.
+        (
+            [
+                *("algorithm.f_units=[4, 4]", "algorithm.g_units=4", "algorithm.h_units=4"),
+                *("algorithm.replay_capacity=1000", "training.train_env_steps=4200"),
+            ],
+            (1_000, 1_996, 3_000, 4_000),
+        ),
+    ],
+    ids=["networks", "replay"],
+)
 def test_disk_is_enough_while_a_checkpoint_is_written(
-    question: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    question: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    settings: list[str],
+    written_at: Container[int],
 ) -> None:
-    """With two checkpoints kept and the third one written, a run fills no more than was said."""
-    overrides = ["training.checkpoint_every_env_steps=20", "algorithm.replay_capacity=50"]
+    """However long checkpoints were put off, a run fills no more than was said."""
+    overrides = ["training.checkpoint_every_env_steps=4", *settings]
     asked = plan(load_definition(str(question)), "quick", KNOWN, overrides=overrides)
     run = asked.runs[0]
     filled = []
-    prune = Checkpoints._prune
+    prune, checkpoint = Checkpoints._prune, _Session._checkpoint
 
     def measure(checkpoints: Checkpoints) -> None:
         files = [path for path in tmp_path.rglob("*") if path.is_file()]
         filled.append(sum(path.stat().st_blocks * 512 for path in files))
         prune(checkpoints)
 
+    def put_off(session: _Session) -> None:
+        if session.training.env_steps in written_at:
+            checkpoint(session)
+
     monkeypatch.setattr(Checkpoints, "_prune", measure)
+    monkeypatch.setattr(_Session, "_checkpoint", put_off)
     [outcome] = train_cohort([run], tmp_path)
     assert outcome.status == "done", outcome.reason
     sizes = run_sizes(run, episodes=8)
@@ -158,6 +187,27 @@ def test_work_counts_rows_and_updates() -> None:
     actor = 152 * 64 + 64 + 64 * 2 + 2
     assert shared.parameters == 172_129 + actor
     assert shared.work == (172_129 + actor) * 32 * 8 / 5
+
+
+@pytest.mark.parametrize(
+    ("made_by", "speed"),
+    [
+        ({}, 48.0),
+        ({"kernel": "c-sparse"}, None),
+        ({"kernel": None}, None),
+        ({"host": "aarch64 DEFAULT"}, None),
+        ({"device": "cuda"}, None),
+    ],
+)
+def test_speed_is_learnt_from_what_worked_alike(
+    made_by: dict[str, str | None], speed: float | None, tmp_path: Path
+) -> None:
+    """Another machine's run, or one of an older kernel, says nothing about this one."""
+    run = tiny.planned()
+    alike = {"device": "cpu", "kernel": "c-dcc", "host": facts.host()}
+    spec = {"spec": spec_to_dict(run.spec), "env_steps": 480, "wall_time_s": 10.0}
+    record = RunRecord(tmp_path, {**spec, **alike, **made_by})
+    assert estimate._measured_speed(run, [record], "cpu", "c-dcc") == speed
 
 
 def test_the_rule_of_thumb_is_near_what_was_measured() -> None:

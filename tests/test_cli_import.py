@@ -2,13 +2,16 @@
 
 import json
 import shutil
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
 import pytest
+import torch
 
-from msgdrop_cli.records.archive import pack, write_archive
+from msgdrop_cli.commands import importing
+from msgdrop_cli.engine.tensors import write_tensors
+from msgdrop_cli.records.archive import install, pack, write_archive
 from msgdrop_cli.records.store import RunRecord, find_run, list_runs
 from tests.cli_runs import Said, Store, filled_store, msgdrop
 
@@ -150,6 +153,80 @@ def test_damaged_file_of_a_run_is_refused(one: RunRecord, tmp_path: Path, name: 
     assert said.code == 2
     assert f"{name}: " in said.err
     assert not (tmp_path / "results").exists()
+
+
+def rewritten(path: Path, rows: Callable[[list[dict[str, Any]]], list[dict[str, Any]]]) -> None:
+    """Put other rows into a log."""
+    read = [json.loads(line) for line in path.read_text().splitlines()]
+    path.write_text("".join(json.dumps(row) + "\n" for row in rows(read)))
+
+
+Rows = list[dict[str, Any]]
+LOGS: dict[str, tuple[str, Callable[[Rows], Rows], str]] = {
+    "no windows": ("metrics.jsonl", lambda rows: [], "does not end with env_steps 200"),
+    "no last window": ("metrics.jsonl", lambda rows: rows[:-1], "does not end with env_steps 200"),
+    "falling": ("metrics.jsonl", lambda rows: [rows[1], rows[0], *rows[2:]], "does not follow"),
+    "text": (
+        "metrics.jsonl",
+        lambda rows: [row | {"catches_per_500": "zzz"} for row in rows],
+        "catches_per_500 is not a number",
+    ),
+    "no episodes": ("episodes.jsonl", lambda rows: [], "is empty, or an episode is missing"),
+    "doubled": ("episodes.jsonl", lambda rows: rows + rows, "is missing or doubled"),
+    "no first episode": ("episodes.jsonl", lambda rows: rows[1:], "is missing or doubled"),
+    "uncountable": (
+        "episodes.jsonl",
+        lambda rows: [row | {"catches": "many"} for row in rows],
+        "an episode's row is not readable",
+    ),
+}
+
+
+@pytest.mark.parametrize("damage", LOGS)
+def test_logs_that_would_break_plot_are_refused(
+    one: RunRecord, tmp_path: Path, damage: str
+) -> None:
+    """They are read as tables and curves read them: one bad log would cost all figures."""
+    name, rows, reason = LOGS[damage]
+    rewritten(one.path / name, rows)
+    said = imported(one, tmp_path)
+    assert (said.code, said.out) == (2, "")
+    assert f"{name}: " in said.err
+    assert reason in said.err
+    assert len(said.err.splitlines()) == 1
+
+
+@pytest.mark.parametrize("metrics", ["zzz", {}, {"catches_per_500": 1}], ids=str)
+def test_formulas_that_nobody_can_read_are_refused(
+    one: RunRecord, tmp_path: Path, metrics: object
+) -> None:
+    """Without the environment's formulas a run's episodes are no numbers."""
+    said = imported(changed(one, metrics=metrics), tmp_path)
+    assert said.code == 2
+    assert "run.json: metrics" in said.err
+
+
+def test_policy_of_other_networks_is_refused(one: RunRecord, tmp_path: Path) -> None:
+    """The names and shapes of its tensors are those of the run's settings."""
+    write_tensors(one.path / "policy.safetensors", {"weights": torch.zeros(3)})
+    said = imported(one, tmp_path)
+    assert said.code == 2
+    assert "policy.safetensors: does not fit this run" in said.err
+
+
+def test_slower_of_two_imports_finds_the_run(
+    archive: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Who looks before the other has written, and writes after, skips the run."""
+
+    def first_the_other(record: RunRecord, target: Path) -> None:
+        install(record, target)
+        install(record, target)
+
+    monkeypatch.setattr(importing, "install", first_the_other)
+    said = msgdrop("import", archive, "--results", tmp_path)
+    assert said.code == 0, said.err
+    assert "0 runs imported, 4 already there" in said.err
 
 
 def test_one_bad_archive_stops_all(archive: Path, tmp_path: Path) -> None:

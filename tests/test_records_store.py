@@ -2,6 +2,7 @@
 
 import json
 import os
+import shutil
 from pathlib import Path
 from typing import Any
 
@@ -207,6 +208,13 @@ def test_an_episode_needs_its_number(tmp_path: Path) -> None:
 def test_no_run_is_found_where_no_folder_can_be(tmp_path: Path) -> None:
     """A name that is too long holds no runs; whoever creates it says why that fails."""
     assert find_run(tmp_path / ("x" * 300), "12345678") is None
+
+
+def test_a_copy_that_is_being_made_is_no_run(tmp_path: Path) -> None:
+    """Another process, or one that was killed, may have a folder there that is not yet a run's."""
+    record = created(tmp_path)
+    shutil.copytree(record.path, record.path.parent / ".tmp-x" / "run")
+    assert [each.path for each in list_runs(tmp_path)] == [record.path]
 
 
 def test_folders_that_are_too_deep_are_one_clear_line(tmp_path: Path) -> None:

@@ -2,6 +2,7 @@
 
 import dataclasses
 import json
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -114,11 +115,69 @@ def test_a_game_of_another_program_has_none(tmp_path: Path) -> None:
     assert references_of([run], tmp_path) == {}
 
 
-def test_damage_is_one_line(tmp_path: Path) -> None:
-    """A file that does not say what it should names itself and what to do."""
+def as_folder(path: Path) -> None:
+    """Put an empty folder in a file's place."""
+    path.unlink()
+    path.mkdir()
+
+
+def as_link(path: Path) -> None:
+    """Put a link in a file's place."""
+    path.rename(path.with_name("other"))
+    path.symlink_to("other")
+
+
+DAMAGE: dict[str, Callable[[Path], object]] = {
+    "no JSON": lambda path: path.write_text("{"),
+    "a list": lambda path: path.write_text("[]"),
+    "a folder": as_folder,
+    "a link": as_link,
+    "no number": lambda path: path.write_text(json.dumps({"episodes": "many"})),
+    "episodes below 1": lambda path: rewrite(path, episodes=-3),
+    "no policies": lambda path: rewrite(path, policies={}),
+    "no metrics": lambda path: rewrite(path, policies={"r": {"meaning": "m", "metrics": {}}}),
+}
+
+
+def rewrite(path: Path, **changes: Any) -> None:
+    """Put other values into a file of references."""
+    path.write_text(json.dumps(json.loads(path.read_text()) | changes))
+
+
+@pytest.mark.parametrize("damage", DAMAGE)
+def test_damage_is_one_line(damage: str, tmp_path: Path) -> None:
+    """A file that does not say what it should names itself."""
     path = keep_references(tmp_path, "some-game", dataclasses.asdict(KNOWN))
     assert find_references(tmp_path, "some-game") == KNOWN
-    path.write_text(json.dumps({"episodes": "many"}))
-    with pytest.raises(RecordError, match=r"some-game\.json.*delete it") as caught:
+    DAMAGE[damage](path)
+    with pytest.raises(RecordError, match=r"some-game\.json") as caught:
         find_references(tmp_path, "some-game")
     assert "\n" not in str(caught.value)
+
+
+def test_a_sound_file_serves_for_a_damaged_one(tmp_path: Path) -> None:
+    """Published references and our own may both be there."""
+    keep_references(tmp_path / "a", "some-game", dataclasses.asdict(KNOWN)).write_text("{")
+    keep_references(tmp_path / "b", "some-game", dataclasses.asdict(KNOWN))
+    assert find_references(tmp_path, "some-game") == KNOWN
+
+
+def test_what_a_newer_program_adds_is_tolerated(tmp_path: Path) -> None:
+    """As in `run.json`: unknown keys are no damage, neither in the file nor in a policy."""
+    policies = {name: {**dataclasses.asdict(p), "b": 2} for name, p in KNOWN.policies.items()}
+    table = {**dataclasses.asdict(KNOWN), "a": 1, "policies": policies}
+    keep_references(tmp_path, "some-game", table)
+    assert find_references(tmp_path, "some-game") == KNOWN
+
+
+def test_damage_is_noted_and_made_again(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """One line names the file, the policies are played, and the file is whole the next time."""
+    run = write_run(tmp_path, "dcc", 1, spec=game(3))
+    first = references_of([run], tmp_path)
+    [path] = (tmp_path / "references").iterdir()
+    path.write_text("{")
+    capsys.readouterr()
+    assert references_of([run], tmp_path) == first
+    [noted] = [line for line in capsys.readouterr().err.splitlines() if str(path) in line]
+    assert "is damaged" in noted
+    assert find_references(tmp_path, game_key(game(3)["environment"])) == first[path.stem]

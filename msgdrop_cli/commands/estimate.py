@@ -111,7 +111,8 @@ def estimate(
     for task in tasks:
         seconds = 0.0
         for run in task:
-            speed = _measured_speed(run, finished, device)
+            kernel = sizes[run.run_id].kernel if device == "cpu" else device
+            speed = _measured_speed(run, finished, device, kernel)
             measured += speed is not None
             speed = speed or _rule_of_thumb(sizes[run.run_id])
             alone = looked_up.env_steps_left(run) / speed
@@ -179,13 +180,22 @@ def _rule_of_thumb(sizes: Sizes) -> float:
     return 1e3 / (once + each_million * sizes.work / 1e6)
 
 
-def _measured_speed(run: PlannedRun, finished: Sequence[RunRecord], device: str) -> float | None:
-    """Env steps per second of finished runs that had the same work to do; None without any."""
+def _measured_speed(
+    run: PlannedRun, finished: Sequence[RunRecord], device: str, kernel: str
+) -> float | None:
+    """Env steps per second of finished runs that had the same work to do; None without any.
+
+    Imported runs and those of an older program count only if the same machine, kernel and device
+    would do the work now.
+    """
+    from msgdrop_cli.engine import facts
+
+    made_by = {"device": device, "kernel": kernel, "host": facts.host()}
     wanted = _work(spec_to_dict(run.spec))
     speeds = [
         record.env_steps / float(record.run["wall_time_s"])
         for record in finished
-        if record.run.get("device") == device
+        if made_by.items() <= record.run.items()
         and float(record.run["wall_time_s"]) > 1.0
         and record.env_steps
         and _work(record.spec) == wanted

@@ -12,10 +12,14 @@ from msgdrop_cli.analysis.summary import Summary
 from msgdrop_cli.commands import console
 from msgdrop_cli.commands.options import check_device
 from msgdrop_cli.commands.progress import Watch, Watched
+from msgdrop_cli.commands.words import several
 from msgdrop_cli.errors import DefinitionError, RecordError
 from msgdrop_cli.records.store import EPISODES, METRICS, POLICY, RUN, RUNS, RunRecord, list_runs
 from msgdrop_cli.scheduler import Stopped, Task, graceful_stop, run_tasks
 
+_DEAF = ("maddpg",)
+"""Learners whose messages go to critics only: these play no part when a trained agent acts. (FDC
+hears nobody either, but it is what the paper compares those who do with, l. 525.)"""
 _COPIED = (RUN, POLICY, METRICS, EPISODES)
 
 
@@ -28,20 +32,31 @@ class Evaluated(NamedTuple):
     """Of the worst of the others, each of which has been named on stderr; 0 without any."""
 
 
-def measurable_runs(root: Path, broken_links: Sequence[float], episodes: int) -> list[RunRecord]:
+def measurable_runs(
+    root: Path, broken_links: Sequence[float], episodes: int, *, listeners_only: bool = False
+) -> list[RunRecord]:
     """The finished runs in a folder that left a policy, or every episode that is asked for.
 
-    Our own, or the published ones if there are no others. Raises DefinitionError if none is there.
+    Our own, or the published ones if there are no others; who is left out is counted in a note.
+    listeners_only: without runs whose agents hear nobody when they act.
+    Raises DefinitionError if none is there.
     """
-    runs = [
-        run
-        for run in list_runs(root)
-        if run.status == "done"
-        and ((run.path / POLICY).is_file() or not _lacks(run, broken_links, episodes))
-    ]
-    if not runs:
-        raise DefinitionError(f"{root}: holds no trained policy (train one: msgdrop ablate)")
-    return [run for run in runs if _is_ours(run)] or runs
+    done = [run for run in list_runs(root) if run.status == "done"]
+    if listeners_only:
+        listeners = [run for run in done if not _is_deaf(run)]
+        _note_left_out(len(done) - len(listeners), "they hear nobody, so no link can break")
+        done = listeners
+    for candidates in ([run for run in done if _is_ours(run)], done):
+        runs = [
+            run
+            for run in candidates
+            if (run.path / POLICY).is_file() or not _lacks(run, broken_links, episodes)
+        ]
+        if runs:
+            reason = f"they have neither a policy nor {episodes:,} episodes of each channel"
+            _note_left_out(len(candidates) - len(runs), reason)
+            return runs
+    raise DefinitionError(f"{root}: holds no trained policy (train one: msgdrop ablate)")
 
 
 def evaluated(
@@ -62,6 +77,7 @@ def evaluated(
     if not missing:
         return Evaluated(sound, worst)
     check_device(device)
+    console.note(f"{len(missing):,} of {several(len(sound), 'run')} lack episodes: played anew")
     places = [
         record if record.run_id not in missing or _is_ours(record) else _copy(record, keep)
         for record in sound
@@ -122,6 +138,16 @@ def _sorted_out(
 
 def _lacks(record: RunRecord, broken_links: Sequence[float], episodes: int) -> bool:
     return any(len(record.episodes(fraction)) < episodes for fraction in broken_links)
+
+
+def _is_deaf(record: RunRecord) -> bool:
+    algorithm = record.spec.get("algorithm")
+    return isinstance(algorithm, dict) and algorithm.get("learner") in _DEAF
+
+
+def _note_left_out(runs: int, reason: str) -> None:
+    if runs:
+        console.note(f"{several(runs, 'finished run')} left out: {reason}")
 
 
 def _is_ours(record: RunRecord) -> bool:

@@ -1,5 +1,6 @@
 """`msgdrop import`: archives of runs that another machine trained become run folders here."""
 
+from collections import defaultdict
 from collections.abc import Sequence
 from json import dumps
 from pathlib import Path
@@ -9,13 +10,15 @@ from typing import Annotated, NamedTuple
 import typer
 
 from msgdrop_cli.commands import console, options
+from msgdrop_cli.commands.shapes import on_no_device
 from msgdrop_cli.commands.words import several
 from msgdrop_cli.definition.catalogue import Catalogue
 from msgdrop_cli.definition.run_id import run_id, spec_from_dict
+from msgdrop_cli.definition.spec import RunSpec
 from msgdrop_cli.errors import DefinitionError, RecordError
 from msgdrop_cli.records.archive import install, unpack
 from msgdrop_cli.records.files import CANNOT_CREATE, read_bytes
-from msgdrop_cli.records.store import METRICS, POLICY, RUNS, RunRecord, find_run
+from msgdrop_cli.records.store import EPISODES, METRICS, POLICY, RUN, RUNS, RunRecord, find_run
 
 app = typer.Typer()
 
@@ -51,26 +54,25 @@ def import_archives(
                 _check(record, archive, catalogue())
                 records.append(record)
         found = _places(records, results)
-        for run in found:
-            if not run.is_there:
-                install(run.record, run.path)
+        found = [run if run.is_there else _installed(run) for run in found]
     _show(found, as_json=json)
     return 0
 
 
 def _check(record: RunRecord, archive: Path, known: Catalogue) -> None:
     """Refuse (RecordError) what is not a finished run with all that belongs to it."""
-    from msgdrop_cli.engine.tensors import read_tensors
-
     place = f"{record.environment}/{record.path.name}"
     try:
         spec = spec_from_dict(record.spec, known)
-        record.metrics()
-        record.episodes()
-        read_tensors(record.path / POLICY)
+        _check_record(record, spec)
+        _check_logs(record)
+        _check_policy(record, spec)
     except (DefinitionError, RecordError) as error:
         reason = str(error).replace(f"{record.path}/", "")
         raise RecordError(f"{archive}: {place}: {reason}") from error
+
+
+def _check_record(record: RunRecord, spec: RunSpec) -> None:
     folder = f"{record.variant}-s{record.seed}-{record.run_id}"
     facts = {
         f"its status is {record.status}, expected done": record.status == "done",
@@ -85,7 +87,42 @@ def _check(record: RunRecord, archive: Path, known: Catalogue) -> None:
     }
     for problem, is_fine in facts.items():
         if not is_fine:
-            raise RecordError(f"{archive}: {place}: {problem}")
+            raise RecordError(problem)
+
+
+def _check_logs(record: RunRecord) -> None:
+    """Tables and curves can be made of it: one log that cannot would cost those of all runs."""
+    from msgdrop_cli.analysis.curves import learning_mean
+    from msgdrop_cli.analysis.metrics import UNKNOWN, metrics_of
+    from msgdrop_cli.analysis.summary import summarise
+
+    metrics = metrics_of(record)
+    if metrics is UNKNOWN:
+        raise RecordError(f"{RUN}: metrics are missing")
+    rows = record.metrics()
+    if not rows or rows[-1]["env_steps"] != record.env_steps:
+        raise RecordError(f"{METRICS}: does not end with env_steps {record.env_steps}")
+    for metric in metrics.all:
+        learning_mean(record, metric.name)
+    played: dict[float, list[float]] = defaultdict(list)
+    for row in record.episodes():
+        played[row["broken_links"]].append(row["episode"])
+    if not played or any(sorted(each) != [*range(len(each))] for each in played.values()):
+        raise RecordError(f"{EPISODES}: is empty, or an episode is missing or doubled")
+    summarise([record])
+
+
+def _check_policy(record: RunRecord, spec: RunSpec) -> None:
+    """Its tensors have the names and shapes of the run's networks."""
+    from msgdrop_cli.algorithms.registry import learner_class
+    from msgdrop_cli.engine.tensors import copy_into, read_tensors
+    from msgdrop_envs import registry
+
+    weights = read_tensors(record.path / POLICY)
+    with on_no_device("its settings"):
+        env = registry.make(spec.environment_config, "meta")
+        learner = learner_class(spec.algorithm)([spec.algorithm_config], env, "meta")
+        copy_into(learner.policy(0), weights, record.path / POLICY)
 
 
 def _places(records: Sequence[RunRecord], results: Path) -> list[_Found]:
@@ -106,6 +143,18 @@ def _places(records: Sequence[RunRecord], results: Path) -> list[_Found]:
                 CANNOT_CREATE,
             )
     return list(found.values())
+
+
+def _installed(run: _Found) -> _Found:
+    """The run, copied to its place; if another import was faster, it is there already."""
+    try:
+        install(run.record, run.path)
+    except RecordError:
+        other = find_run(run.path, run.record.run_id)
+        if other is None or not _is_same(run.record, other):
+            raise
+        return run._replace(is_there=True)
+    return run
 
 
 def _is_same(record: RunRecord, other: RunRecord) -> bool:

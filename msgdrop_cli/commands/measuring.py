@@ -24,11 +24,12 @@ def measure(
 ) -> int:
     """Report every trained policy in a folder for these fractions of broken links.
 
-    With a question, its claims are judged where both variants are there, and figures are drawn.
+    With a question about broken links, runs whose agents hear nobody are left out, its claims are
+    judged where both variants are there, and figures are drawn.
     Returns the exit code: that of the worst run that could not be evaluated, or 0.
     Raises DefinitionError for a folder without policies, RecordError and Stopped.
     """
-    runs = measurable_runs(results, broken_links, episodes)
+    runs = measurable_runs(results, broken_links, episodes, listeners_only=question is not None)
     console.note(f"{several(len(runs), 'trained run')} below {results}")
     with ExitStack() as keep:
         records, exit_code = evaluated(

@@ -56,10 +56,10 @@ def publish(
             f" (train them: msgdrop ablate {definition.name} --profile {profile})"
         )
     folder = to / f"{definition.name}-{profile}"
-    copies = copy(records, folder)
     order = tuple(definition.variants)
     summary = summarise(records, order=order, references=references_of(records, folder))
     text = tables(summary, judge_claims(asked.claims, summary))
+    copies = copy(records, folder)  # what cannot be summarised is not published
     write_atomic(folder / "TABLES.md", text.encode())
     drawn = draw_all(summary, folder / "figures")
     _show({"runs": copies, "tables": [folder / "TABLES.md"], "figures": drawn}, as_json=json)

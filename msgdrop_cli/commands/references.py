@@ -20,17 +20,25 @@ def references_of(records: Sequence[RunRecord], root: Path) -> dict[str, Referen
     """The reference policies of every game among finished runs, by `game_key`.
 
     They are looked for below `root`, a results folder, and kept there if it can be written to.
-    A game that this program does not know has none. Raises RecordError for a damaged file.
+    A damaged file is noted and made again. A game that this program does not know has none.
     """
     found: dict[str, References] = {}
     for record in records:
         game = record.spec.get("environment")
         if record.status != "done" or not isinstance(game, dict) or game_key(game) in found:
             continue
-        references = find_references(root, game_key(game)) or _played(record, root)
+        references = _kept(root, game_key(game)) or _played(record, root)
         if references is not None:
             found[game_key(game)] = references
     return found
+
+
+def _kept(root: Path, key: str) -> References | None:
+    try:
+        return find_references(root, key)
+    except RecordError as error:  # an hour's results must not wait for what takes seconds to make
+        console.note(f"{error}; it is made again")
+        return None
 
 
 def _played(record: RunRecord, root: Path) -> References | None:

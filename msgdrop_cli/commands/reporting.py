@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from msgdrop_cli.analysis.claims import Verdict, judge_claims
-from msgdrop_cli.analysis.summary import summarise
+from msgdrop_cli.analysis.summary import Summary, summarise
 from msgdrop_cli.commands import console
 from msgdrop_cli.commands.evaluating import only
 from msgdrop_cli.commands.references import references_of
@@ -35,23 +35,15 @@ def report(
     """Show one table per group of comparable runs, the claims' verdicts, and the figures' paths.
 
     With several fractions of broken links a second table stands them side by side. Reference
-    policies are looked for, and kept, in the results folder `root`.
+    policies are looked for, and kept, in the results folder `root`. The numbers may have taken
+    minutes, so they are shown before a figure can fail.
     Raises RecordError: rows that cannot be read, or figures that cannot be written (73, 74).
     """
     everything = summarise(records, order=order, references=references_of(records, root))
     summary = only(everything, broken_links)
     verdicts = judge_claims(claims, summary)
-    drawn = draw_all(everything, figures) if figures else []
     if as_json:
-        console.result_json(
-            {
-                **(about or {}),
-                "results": summary.to_json(),
-                "references": {key: asdict(each) for key, each in summary.references.items()},
-                "claims": [_verdict_json(verdict) for verdict in verdicts],
-                "figures": [str(path) for path in drawn],
-            }
-        )
+        _report_json(everything, summary, verdicts, figures, about or {})
         return
     for group in summary.groups:
         console.table(results_table(summary, group, broken_links[0]), numbers_from=_TEXT_COLUMNS)
@@ -59,8 +51,31 @@ def report(
             console.table(broken_links_table(summary, group), numbers_from=_TEXT_COLUMNS)
     if verdicts:
         _show(verdicts)
-    for number, path in enumerate(drawn):
+    for number, path in enumerate(draw_all(everything, figures) if figures else []):
         console.result(("" if number or verdicts else "\n") + f"figure  {path}")
+
+
+def _report_json(
+    everything: Summary,
+    summary: Summary,
+    verdicts: Sequence[Verdict],
+    figures: Path | None,
+    about: Mapping[str, Any],
+) -> None:
+    """The same as one document; it is shown even if the figures cannot be written."""
+    drawn: list[Path] = []
+    try:
+        drawn = draw_all(everything, figures) if figures else []
+    finally:
+        console.result_json(
+            {
+                **about,
+                "results": summary.to_json(),
+                "references": {key: asdict(each) for key, each in summary.references.items()},
+                "claims": [_verdict_json(verdict) for verdict in verdicts],
+                "figures": [str(path) for path in drawn],
+            }
+        )
 
 
 def _show(verdicts: Sequence[Verdict]) -> None:

@@ -16,6 +16,9 @@ from msgdrop_cli.errors import DefinitionError, nearest
 
 _CHECKPOINTS = 3
 """Two are kept while the next one is written."""
+_REPLAYS = 4
+"""Where checkpoints are put off, each one may write its whole replay memory; the oldest kept may
+need a last step of a fourth one's, whose file goes only as a whole."""
 _SAVED_COPIES, _HELD_COPIES = 4, 5
 """Of the parameters: online, target, and Adam's two moments; in memory the gradient, too."""
 _BYTES_A_LOG_ROW = 350
@@ -56,7 +59,7 @@ def run_sizes(run: PlannedRun, episodes: int) -> Sizes:
         return sum(part.nbytes for part in parts if isinstance(part, Tensor))
 
     config, training = run.spec.algorithm_config, run.spec.training
-    with _on_no_device(run):
+    with on_no_device(f"{run.spec.environment}, {run.variant}"):
         built = Training([run.spec], "meta")
         env, learner, replay = built.env, built.learner, built.replay
         policy = learner.policy(0).values()
@@ -66,8 +69,7 @@ def run_sizes(run: PlannedRun, episodes: int) -> Sizes:
         parameters = learnt // _SAVED_COPIES
         cut_episodes = replay.cut_episodes(0).nbytes
         memory = held(env, learner, replay) + 4 * _HELD_COPIES * parameters
-    # Older steps stay on disk for the older checkpoint, and with those that share their file.
-    stored = config.replay_capacity + 2 * training.checkpoint_every_env_steps
+    stored = min(_REPLAYS * config.replay_capacity, training.train_env_steps)
     seen = env.observation_size * env.observation_dtype.itemsize
     a_step = env.agents * (seen + 8 + 4 * env.action_size) + 8
     state = 4 * _SAVED_COPIES * parameters + cut_episodes
@@ -78,9 +80,7 @@ def run_sizes(run: PlannedRun, episodes: int) -> Sizes:
         work=parameters * config.batch_size * env.agents / networks / config.update_every_env_steps,
         kernel=learner_class(run.spec.algorithm).kernel(config, env, "cpu"),
         kept=4 * kept + rows * _BYTES_A_LOG_ROW,
-        working=int(
-            _HEADROOM * (_CHECKPOINTS * state + a_step * min(stored, training.train_env_steps))
-        ),
+        working=int(_HEADROOM * (_CHECKPOINTS * state + a_step * stored)),
         memory=memory + 4 * at_once * learner.shown_agents.numel() * env.observation_size,
     )
 
@@ -95,7 +95,7 @@ def check_claims(asked: Plan, pending: Sequence[PlannedRun]) -> None:
     known: dict[str, Mapping[str, object]] = {}
     for run in pending:
         if run.spec.environment not in known:
-            with _on_no_device(run):
+            with on_no_device(f"{run.spec.environment}, {run.variant}"):
                 env = registry.make(run.spec.environment_config, "meta")
             known[run.spec.environment] = env.metrics
     for claim in asked.claims:
@@ -107,8 +107,8 @@ def check_claims(asked: Plan, pending: Sequence[PlannedRun]) -> None:
 
 
 @contextmanager
-def _on_no_device(run: PlannedRun) -> Iterator[None]:
-    """Everything is built on the meta device; sizes that torch cannot count are refused."""
+def on_no_device(place: str) -> Iterator[None]:
+    """Everything is built on the meta device; DefinitionError for sizes that torch cannot count."""
     import torch
 
     try:
@@ -116,6 +116,6 @@ def _on_no_device(run: PlannedRun) -> Iterator[None]:
             yield
     except (ArithmeticError, MemoryError, RuntimeError, TypeError, ValueError) as error:
         raise DefinitionError(
-            f"{run.spec.environment}, {run.variant}: a setting is too large: its map, networks,"
+            f"{place}: a setting is too large: its map, networks,"
             " batches or replay memory would have more bytes than 64 bits can count"
         ) from error

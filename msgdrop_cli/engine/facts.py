@@ -30,7 +30,7 @@ def facts(env: Environment, kernel: str, device: str, threads: int) -> dict[str,
             "numpy": np.__version__,
         },
         "commit": commit(),
-        "host": _host(),
+        "host": host(),
         "device": device,
         "threads": threads,
         "kernel": kernel,
@@ -66,6 +66,6 @@ def commit() -> str | None:
     return head + ("+" if changes else "")
 
 
-def _host() -> str:
+def host() -> str:
     """The kind of processor: results are bit-equal on one kind only."""
     return f"{platform.machine()} {torch.backends.cpu.get_cpu_capability()}"

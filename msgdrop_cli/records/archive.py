@@ -26,6 +26,7 @@ from msgdrop_cli.errors import RecordError
 from msgdrop_cli.records.files import (
     CANNOT_CREATE,
     CANNOT_WRITE,
+    TEMPORARY,
     parse_json,
     read_bytes,
     sync_folder,
@@ -140,7 +141,7 @@ def install(record: RunRecord, target: Path) -> None:
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
         # A name that is not the run's, and run.json last: if we are killed here, this is no run.
-        with TemporaryDirectory(dir=target.parent, prefix=".tmp-") as scratch:
+        with TemporaryDirectory(dir=target.parent, prefix=TEMPORARY) as scratch:
             copy = Path(scratch) / "run"
             copy.mkdir()
             for name in FILES:

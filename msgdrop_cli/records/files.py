@@ -21,7 +21,8 @@ from msgdrop_cli.errors import RecordError
 CANNOT_READ, CANNOT_CREATE, CANNOT_WRITE, BUSY = 2, 73, 74, 75
 _LARGEST_FILE = 256 * 2**20
 _LARGEST_INT = 2**63 - 1
-_TEMPORARY = ".tmp-"
+TEMPORARY = ".tmp-"
+"""Begins the names of files and folders that are being written."""
 
 
 def write_json_atomic(path: Path, value: Any, *, durable: bool = True) -> None:
@@ -44,7 +45,7 @@ def write_bytes_atomic(path: Path, content: bytes, *, durable: bool = True) -> N
     """Replaces `path` by `content`, whole or not at all; raises RecordError (74)."""
     temporary: Path | None = None
     try:
-        handle, name = tempfile.mkstemp(prefix=_TEMPORARY, dir=path.parent)
+        handle, name = tempfile.mkstemp(prefix=TEMPORARY, dir=path.parent)
         temporary = Path(name)
         with os.fdopen(handle, "wb") as file:
             os.fchmod(handle, 0o644)  # mkstemp makes it private
@@ -172,7 +173,7 @@ def run_lock(path: Path) -> Iterator[None]:
 
 def _remove_leftovers(path: Path) -> None:
     """Removes what a killed process had not yet renamed; only the lock's holder writes here."""
-    for leftover in path.glob(f"{_TEMPORARY}*"):
+    for leftover in path.glob(f"{TEMPORARY}*"):
         with suppress(OSError):
             leftover.unlink()
 

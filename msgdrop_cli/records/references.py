@@ -6,7 +6,7 @@ The id is of the environment's settings, so a game with other rules has numbers 
 import hashlib
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
 
@@ -26,6 +26,10 @@ class Policy:
     metrics: Mapping[str, float | None]
     """The environment's metrics by name; None where there was nothing to divide by."""
 
+    def __post_init__(self) -> None:
+        if not self.metrics:
+            raise ValueError("metrics are empty")
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class References:
@@ -37,6 +41,10 @@ class References:
     commit: str | None
     policies: Mapping[str, Policy]
 
+    def __post_init__(self) -> None:
+        if self.episodes < 1 or not self.policies:
+            raise ValueError("expected at least one episode and one policy")
+
 
 def game_key(environment: Mapping[str, Any]) -> str:
     """The name of a game and an id of its settings; `environment` is that table of a spec."""
@@ -45,18 +53,40 @@ def game_key(environment: Mapping[str, Any]) -> str:
 
 
 def find_references(root: Path, key: str) -> References | None:
-    """What is kept for a game in or below `root`, or None. Raises RecordError if it is damaged."""
+    """What is kept for a game in or below `root`, or None.
+
+    Raises RecordError if every file that should say it is damaged.
+    """
+    damage: RecordError | None = None
     for file in sorted(root.rglob(f"{REFERENCES}/{key}.json")):
-        return read_references(read_json(file), str(file))
+        try:
+            return read_references(read_json(file), str(file))
+        except RecordError as error:
+            damage = error
+    if damage is not None:
+        raise damage
     return None
 
 
 def read_references(table: Any, where: str) -> References:
-    """Check what `engine.references.play_references` made; RecordError, naming `where`."""
+    """Check what `engine.references.play_references` made; RecordError, naming `where`.
+
+    As in `run.json`, more may stand there than the program knows.
+    """
+    table = _known(References, table)
+    if isinstance(table, dict) and isinstance(table.get("policies"), dict):
+        table["policies"] = {name: _known(Policy, each) for name, each in table["policies"].items()}
     try:
         return build(References, table, Where(where))
     except DefinitionError as error:
-        raise RecordError(f"{error}; delete it, it is made again") from error
+        raise RecordError(str(error)) from error
+
+
+def _known(cls: type[Policy] | type[References], table: Any) -> Any:
+    if not isinstance(table, dict):
+        return table
+    names = {field.name for field in fields(cls)}
+    return {key: table[key] for key in table if key in names}
 
 
 def keep_references(root: Path, key: str, table: Mapping[str, Any]) -> Path:

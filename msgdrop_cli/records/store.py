@@ -16,6 +16,7 @@ from msgdrop_cli.definition.strict import Where, build, one_line
 from msgdrop_cli.errors import DefinitionError, RecordError
 from msgdrop_cli.records.files import (
     CANNOT_CREATE,
+    TEMPORARY,
     read_json,
     read_jsonl,
     write_json_atomic,
@@ -259,7 +260,8 @@ def _walk(folder: Path) -> Iterator[Path]:
     for entry in found:
         if entry.is_symlink() and not Path(entry.path).is_file():
             raise RecordError(one_line(f"{entry.path}: is a symbolic link; name its target"))
-        if entry.is_dir():
+        # A copy that is not yet whole, or goes while we look, when its writer is done.
+        if entry.is_dir() and not entry.name.startswith(TEMPORARY):
             yield from _walk(Path(entry.path))
 
 

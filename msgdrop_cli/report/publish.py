@@ -8,7 +8,7 @@ from tempfile import TemporaryDirectory
 from msgdrop_cli.analysis.claims import Verdict
 from msgdrop_cli.analysis.summary import Summary
 from msgdrop_cli.errors import RecordError
-from msgdrop_cli.records.files import CANNOT_WRITE, write_json_atomic
+from msgdrop_cli.records.files import CANNOT_WRITE, TEMPORARY, write_json_atomic
 from msgdrop_cli.records.store import EPISODES, METRICS, POLICY, RUN, RunRecord
 from msgdrop_cli.report.table import broken_links_table, claims_table, results_table, to_markdown
 
@@ -47,7 +47,7 @@ def tables(summary: Summary, verdicts: Sequence[Verdict]) -> str:
 def _copy(record: RunRecord, target: Path, names: Sequence[str]) -> None:
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
-        with TemporaryDirectory(dir=target.parent, prefix=".tmp-") as scratch:
+        with TemporaryDirectory(dir=target.parent, prefix=TEMPORARY) as scratch:
             copy = Path(scratch) / target.name
             copy.mkdir()
             write_json_atomic(copy / RUN, record.run)  # by the names of the question it answers
