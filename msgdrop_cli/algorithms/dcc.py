@@ -113,7 +113,7 @@ TRAINING: Mapping[str, Mapping[str, Any]] = {
 class DCC:
     """The stacked double deep Q-learners of a cohort: R runs of N agents each."""
 
-    joint = False
+    joint, listens = False, True
 
     def __init__(
         self, configs: Sequence[Config], env: Environment, device: torch.device | str = "cpu"

@@ -106,7 +106,7 @@ TRAINING: Mapping[str, Mapping[str, Any]] = {name: {"train_env_steps": 2_000_000
 class MADDPG:
     """The stacked actors and critics of a cohort: R runs of N agents each."""
 
-    joint = True
+    joint, listens = True, False
 
     def __init__(
         self, configs: Sequence[Config], env: Environment, device: torch.device | str = "cpu"

@@ -155,6 +155,9 @@ class Learner(Protocol):
 class LearnerFactory(Protocol):
     """A learner's class: built from the runs' Configs, which may differ in `rate` only."""
 
+    listens: bool
+    """Whether trained agents hear each other when they act, so that broken links can matter."""
+
     @staticmethod
     def kernel(config: Any, env: Any, device: Any) -> str:
         """The name of what such a learner computes with: equal names, equal bits."""

@@ -17,9 +17,6 @@ from msgdrop_cli.errors import DefinitionError, RecordError
 from msgdrop_cli.records.store import EPISODES, METRICS, POLICY, RUN, RUNS, RunRecord, list_runs
 from msgdrop_cli.scheduler import Stopped, Task, graceful_stop, run_tasks
 
-_DEAF = ("maddpg",)
-"""Learners whose messages go to critics only: these play no part when a trained agent acts. (FDC
-hears nobody either, but it is what the paper compares those who do with, l. 525.)"""
 _COPIED = (RUN, POLICY, METRICS, EPISODES)
 
 
@@ -141,8 +138,15 @@ def _lacks(record: RunRecord, broken_links: Sequence[float], episodes: int) -> b
 
 
 def _is_deaf(record: RunRecord) -> bool:
+    """Whether messages went to critics only, which play no part when a trained agent acts.
+
+    FDC hears nobody either, but it is what the paper compares those who do with (l. 525).
+    """
+    from msgdrop_cli.algorithms.registry import learner_class, learners
+
     algorithm = record.spec.get("algorithm")
-    return isinstance(algorithm, dict) and algorithm.get("learner") in _DEAF
+    learner = algorithm.get("learner") if isinstance(algorithm, dict) else None
+    return learner in learners() and not learner_class(learner).listens
 
 
 def _note_left_out(runs: int, reason: str) -> None:
