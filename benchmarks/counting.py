@@ -9,11 +9,10 @@ A zero in the first layers' input need not be multiplied. `Shares` says how much
 is; `DENSE` counts everything.
 """
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from typing import NamedTuple
 
-Layers = Mapping[str, tuple[int, int]]
-"""Layer name to (inputs, outputs)."""
+from msgdrop_cli.networks.stacked import Layers, parameter_count
 
 BYTES = 4
 """Of a float32."""
@@ -55,11 +54,6 @@ class Sizes(NamedTuple):
     """Numbers of an action, where it is numbers."""
 
 
-def parameters(layers: Layers) -> int:
-    """Weights and biases of one network."""
-    return sum((inputs + 1) * outputs for inputs, outputs in layers.values())
-
-
 def forward(layers: Layers, nonzero: float = 1.0, kept: float = 1.0) -> float:
     """Multiply-adds that one row takes through one network."""
     first = nonzero * _products(layers, OWN_FIRST)
@@ -83,7 +77,7 @@ def q_update(layers: Layers, sizes: Sizes, senders: int, shares: Shares) -> Cost
     unmasked = forward(layers, shares.nonzero)
     row = 3 * masked + unmasked + backward(layers)
     minibatch = 2 * sizes.batch * (1 + senders) * sizes.observation * sizes.observation_bytes
-    moved = (MOVED + 1) * BYTES * parameters(layers) + minibatch
+    moved = (MOVED + 1) * BYTES * parameter_count(layers) + minibatch
     return Cost(sizes.agents * sizes.batch * row, sizes.agents * moved)
 
 
@@ -106,8 +100,8 @@ def maddpg_update(
     actor_row = 2 * act + backward(actor) + judge + to_action
     rows = sizes.agents * sizes.batch
     followed = MOVED + 2  # the target network is read and written, too
-    moved = float(parameters(critic) * followed)
-    moved += parameters(actor) * (1 + actor_updates_each * (followed - 1))
+    moved = float(parameter_count(critic) * followed)
+    moved += parameter_count(actor) * (1 + actor_updates_each * (followed - 1))
     minibatch = 2 * rows * sizes.observation * sizes.observation_bytes
     minibatch += rows * sizes.action * BYTES
     return Cost(rows * (critic_row + actor_updates_each * actor_row), BYTES * moved + minibatch)

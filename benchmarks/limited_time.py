@@ -149,8 +149,7 @@ class Campaign:
         return [r for r in looked_up.records.values() if r.status == "done"]
 
     def _is_evaluated(self, record: RunRecord) -> bool:
-        episodes = self.asked.evaluation_episodes
-        return all(len(record.episodes(each)) >= episodes for each in self.asked.broken_links)
+        return record.has_episodes(self.asked.broken_links, self.asked.evaluation_episodes)
 
     def _archive_name(self) -> str:
         return f"{self.asked.definition.name}-{self.asked.profile}"

@@ -12,6 +12,7 @@ import pytest
 from msgdrop_cli.errors import RecordError
 from msgdrop_cli.records import archive
 from msgdrop_cli.records.archive import FILES, MANIFEST, contents, install, pack, unpack
+from msgdrop_cli.records.seals import seal
 from msgdrop_cli.records.store import RunRecord, list_runs
 from tests.fake_runs import write_run
 
@@ -52,7 +53,7 @@ def sealed(path: Path, change: Callable[[dict[str, Any], _Members], None]) -> Pa
     manifest = json.loads(files[MANIFEST])
     del manifest["seal"]
     change(manifest, files)
-    manifest["seal"] = archive._seal(manifest)
+    manifest["seal"] = seal(manifest)
     return zipped(path, {**files, MANIFEST: json.dumps(manifest).encode()})
 
 

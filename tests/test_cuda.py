@@ -24,6 +24,7 @@ from msgdrop_envs import autoreset, registry
 from tests.chunk_runs import CASES, begun, chunked, counters, everything, small_runs, stepped
 from tests.cli_runs import msgdrop
 from tests.runs import StopAt, planned
+from tests.test_environments import random_actions
 
 pytestmark = pytest.mark.skipif(not torch.cuda.is_available(), reason="there is no CUDA device")
 
@@ -85,10 +86,7 @@ def test_games_are_the_same_step_by_step(name: str) -> None:
         cpu, torch.rand(*shape, cpu.reset_uniforms, generator=generator), elapsed
     )
     for _ in range(40):
-        if cpu.action_size:
-            actions = torch.rand(*shape, cpu.agents, cpu.action_size, generator=generator) * 2 - 1
-        else:
-            actions = torch.randint(cpu.actions, (*shape, cpu.agents), generator=generator)
+        actions = random_actions(cpu, shape, generator)
         numbers = torch.rand(*shape, cpu.step_uniforms, generator=generator)
         fresh = torch.rand(*shape, cpu.reset_uniforms, generator=generator)
         given = [x.cuda() for x in (actions, numbers, fresh)]

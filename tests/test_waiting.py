@@ -11,6 +11,7 @@ from torch import Tensor
 from msgdrop_envs import autoreset, registry
 from msgdrop_envs.protocol import Transition
 from msgdrop_envs.waterworld import PAPER, Config
+from tests.test_environments import random_actions
 from tests.waterworld_positions import build, closing_in, random_states
 
 WATERWORLDS = {
@@ -84,10 +85,7 @@ def test_a_restart_is_the_same_unasked(name: str) -> None:
         env, torch.rand(*shape, env.reset_uniforms, generator=generator), elapsed
     )
     for _ in range(8):
-        if env.action_size:
-            actions = torch.rand(*shape, env.agents, env.action_size, generator=generator) * 2 - 1
-        else:
-            actions = torch.randint(env.actions, (*shape, env.agents), generator=generator)
+        actions = random_actions(env, shape, generator)
         numbers = torch.rand(*shape, env.step_uniforms, generator=generator)
         fresh = torch.rand(*shape, env.reset_uniforms, generator=generator)
         asked = autoreset.step(env, games, actions, numbers, fresh)

@@ -47,7 +47,7 @@ def measurable_runs(
         runs = [
             run
             for run in candidates
-            if (run.path / POLICY).is_file() or not _lacks(run, broken_links, episodes)
+            if (run.path / POLICY).is_file() or run.has_episodes(broken_links, episodes)
         ]
         if runs:
             reason = f"they have neither a policy nor {episodes:,} episodes of each channel"
@@ -119,7 +119,7 @@ def _sorted_out(
     sound, missing, worst = [], set[str](), 0
     for record in records:
         try:
-            if _lacks(record, broken_links, episodes):
+            if not record.has_episodes(broken_links, episodes):
                 if not (record.path / POLICY).is_file():
                     raise RecordError(
                         f"{record.path}: lacks episodes, and its {POLICY} is gone; "
@@ -131,10 +131,6 @@ def _sorted_out(
             console.error(str(error))
             worst = max(worst, error.exit_code)
     return sound, missing, worst
-
-
-def _lacks(record: RunRecord, broken_links: Sequence[float], episodes: int) -> bool:
-    return any(len(record.episodes(fraction)) < episodes for fraction in broken_links)
 
 
 def _is_deaf(record: RunRecord) -> bool:

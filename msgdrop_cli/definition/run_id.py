@@ -34,9 +34,12 @@ def run_id(spec: RunSpec) -> str:
 
     A field is cosmetic if its metadata says `cosmetic=True`: it never changes a result.
     """
-    text = json.dumps(
-        _table(spec, cosmetic=False), sort_keys=True, separators=(",", ":"), allow_nan=False
-    )
+    return short_hash(_table(spec, cosmetic=False))
+
+
+def short_hash(table: Mapping[str, Any]) -> str:
+    """The first 8 hex digits of the SHA-256 of a table as canonical JSON."""
+    text = json.dumps(table, sort_keys=True, separators=(",", ":"), allow_nan=False)
     return hashlib.sha256(text.encode()).hexdigest()[:8]
 
 

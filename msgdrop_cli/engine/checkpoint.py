@@ -9,8 +9,6 @@ are kept; the older one serves if the newer is damaged.
 """
 
 import dataclasses
-import hashlib
-import json
 import os
 import re
 import shutil
@@ -24,15 +22,14 @@ from torch import Tensor
 
 from msgdrop_cli.engine.tensors import (
     LARGEST_FILE,
-    Fingerprint,
     copy_into,
-    fingerprint,
     parse_tensors,
     write_tensors,
 )
 from msgdrop_cli.engine.training import Training
 from msgdrop_cli.errors import RecordError
 from msgdrop_cli.records.files import read_bytes, read_json, sync_folder, write_json_atomic
+from msgdrop_cli.records.seals import Fingerprint, fingerprint, seal
 
 KEPT = 2
 STATE, MANIFEST = "state.safetensors", "MANIFEST.json"
@@ -89,7 +86,7 @@ class Checkpoints:
                 "counters": {**counters, **_counters(training)},
                 "files": {STATE: state, **live},
             }
-            sealed = {**manifest, "seal": _seal(manifest)}
+            sealed = {**manifest, "seal": seal(manifest)}
             write_json_atomic(temporary / MANIFEST, sealed)
             shutil.rmtree(final, ignore_errors=True)
             temporary.rename(final)
@@ -152,7 +149,7 @@ class Checkpoints:
     def _manifest(self, path: Path) -> dict[str, Any]:
         """The manifest of a checkpoint of this run; RecordError for any other."""
         manifest = read_json(path / MANIFEST)
-        if not isinstance(manifest, dict) or manifest.pop("seal", None) != _seal(manifest):
+        if not isinstance(manifest, dict) or manifest.pop("seal", None) != seal(manifest):
             raise RecordError(f"{path / MANIFEST}: is damaged")
         if manifest["run_id"] != self._run_id:
             raise RecordError(f"{path}: is a checkpoint of the run {manifest['run_id']}")
@@ -209,11 +206,6 @@ def _counters(training: Training) -> dict[str, Any]:
         "streams": training.streams.positions,
         "progress": training.learner.progress,
     }
-
-
-def _seal(manifest: Mapping[str, Any]) -> str:
-    """SHA-256 over a manifest: a digit changed in a counter is damage, too."""
-    return hashlib.sha256(json.dumps(manifest, sort_keys=True).encode()).hexdigest()
 
 
 def _steps(segment: str) -> tuple[int, int]:

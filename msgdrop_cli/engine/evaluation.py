@@ -79,7 +79,7 @@ def evaluate_run(
     as a whole. Returns the number of episodes played, 0 if `stop` said so. Raises RecordError.
     """
     record = list_runs(run_path)[0]
-    if len(record.episodes(broken_links)) >= episodes:
+    if record.has_episodes([broken_links], episodes):
         return 0
     rows = evaluate(
         run_path, broken_links=broken_links, episodes=episodes, device=device, stop=stop

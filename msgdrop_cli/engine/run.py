@@ -154,6 +154,7 @@ class _Session:
         self.kernel = kernel_name(runs[0].planned.spec, device)
         self.chunks = Chunks(self.training, recorder(device))
         self.logged_at = 0
+        known = facts(self.training.env, self.kernel, device, THREADS)  # asks git: once for all
         for number, run in enumerate(runs):
             if run.checkpoint is not None:
                 restore(self.training, number, run.checkpoint)
@@ -161,9 +162,7 @@ class _Session:
                 self.logged_at = int(run.checkpoint.counters["logged_at"])
             cut_jsonl(run.path / METRICS, run.rows)
             run.checkpoint = None  # its replay memory has been copied
-            set_status(
-                run.path, "running", **facts(self.training.env, self.kernel, device, THREADS)
-            )
+            set_status(run.path, "running", **known)
         self.clock = self.put_off_until = time.monotonic()
         self.steps_at_start = self.training.env_steps
         self.headline: list[float | None] = [None] * len(runs)

@@ -1,6 +1,5 @@
 """Tensors on disk: safetensors only, written in one atomic step, distrusted when read."""
 
-import hashlib
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -11,8 +10,8 @@ from torch import Tensor
 
 from msgdrop_cli.errors import RecordError
 from msgdrop_cli.records.files import read_bytes, write_bytes_atomic
+from msgdrop_cli.records.seals import Fingerprint, fingerprint
 
-Fingerprint = dict[str, int | str]
 LARGEST_FILE = 2**31
 _LARGEST_HEADER = 1_000_000
 _MOST_TENSORS = 4_096
@@ -26,11 +25,6 @@ def write_tensors(path: Path, tensors: Mapping[str, Tensor]) -> Fingerprint:
     content = save({name: t.detach().cpu().contiguous() for name, t in tensors.items()})
     write_bytes_atomic(path, content)
     return fingerprint(content)
-
-
-def fingerprint(content: bytes) -> Fingerprint:
-    """Size in bytes and SHA-256."""
-    return {"size": len(content), "sha256": hashlib.sha256(content).hexdigest()}
 
 
 def parse_tensors(content: bytes, path: Path) -> dict[str, Tensor]:

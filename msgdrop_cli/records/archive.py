@@ -7,14 +7,13 @@ The same runs make the same bytes. What is read is believed only as a whole: eve
 digest is checked before the first file is written, and nothing is ever extracted by its name.
 """
 
-import hashlib
 import io
 import json
 import re
 import stat
 import zipfile
 import zlib
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -32,6 +31,7 @@ from msgdrop_cli.records.files import (
     sync_folder,
     write_bytes_atomic,
 )
+from msgdrop_cli.records.seals import fingerprint, seal
 from msgdrop_cli.records.store import EPISODES, METRICS, POLICY, RUN, RunRecord, list_runs
 
 SCHEMA = 1
@@ -91,11 +91,11 @@ def write_archive(path: Path, records: Iterable[RunRecord]) -> None:
     manifest: dict[str, Any] = {
         "schema": SCHEMA,
         "runs": {
-            place: {name: _fingerprint(content) for name, content in run.items()}
+            place: {name: fingerprint(content) for name, content in run.items()}
             for place, run in files.items()
         },
     }
-    manifest["seal"] = _seal(manifest)
+    manifest["seal"] = seal(manifest)
     buffer = io.BytesIO()
     with zipfile.ZipFile(buffer, "w") as archive:
         # A ZipInfo without more has no clock and no owner in it: the same runs, the same bytes.
@@ -205,7 +205,7 @@ def _manifest(archive: zipfile.ZipFile, path: Path) -> dict[str, dict[str, Any]]
     if MANIFEST not in names:
         raise _bad(path, f"is no archive of msgdrop: it has no {MANIFEST}")
     manifest = parse_json(archive.read(MANIFEST), f"{path}: {MANIFEST}")
-    if not isinstance(manifest, dict) or manifest.pop("seal", None) != _seal(manifest):
+    if not isinstance(manifest, dict) or manifest.pop("seal", None) != seal(manifest):
         raise _bad(path, f"{MANIFEST} is damaged")
     if manifest.get("schema") != SCHEMA:
         problem = f"schema {str(manifest.get('schema'))[:20]} is unknown, expected {SCHEMA}"
@@ -246,17 +246,9 @@ def _safe_names(archive: zipfile.ZipFile, path: Path) -> set[str]:
 def _content(archive: zipfile.ZipFile, name: str, expected: object, path: Path) -> bytes:
     """One file as its fingerprint says; zipfile reads no byte more than the zip declares."""
     content = archive.read(name)
-    if _fingerprint(content) != expected:
+    if fingerprint(content) != expected:
         raise _bad(path, f"{name} is damaged: it is not what {MANIFEST} says")
     return content
-
-
-def _fingerprint(content: bytes) -> dict[str, int | str]:
-    return {"size": len(content), "sha256": hashlib.sha256(content).hexdigest()}
-
-
-def _seal(manifest: Mapping[str, Any]) -> str:
-    return hashlib.sha256(json.dumps(manifest, sort_keys=True).encode()).hexdigest()
 
 
 def _bad(path: Path, problem: str) -> RecordError:

@@ -3,13 +3,12 @@
 The id is of the environment's settings, so a game with other rules has numbers of its own.
 """
 
-import hashlib
-import json
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
 
+from msgdrop_cli.definition.run_id import short_hash
 from msgdrop_cli.definition.strict import Where, build, one_line
 from msgdrop_cli.errors import DefinitionError, RecordError
 from msgdrop_cli.records.files import CANNOT_CREATE, read_json, write_json_atomic
@@ -48,8 +47,7 @@ class References:
 
 def game_key(environment: Mapping[str, Any]) -> str:
     """The name of a game and an id of its settings; `environment` is that table of a spec."""
-    text = json.dumps(environment, sort_keys=True, separators=(",", ":"))
-    return f"{environment.get('name')}-{hashlib.sha256(text.encode()).hexdigest()[:8]}"
+    return f"{environment.get('name')}-{short_hash(environment)}"
 
 
 def find_references(root: Path, key: str) -> References | None:

@@ -4,7 +4,7 @@ A folder is a run if it holds a `run.json`; what the run is stands in there, nev
 """
 
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, fields
 from datetime import UTC, datetime
 from pathlib import Path
@@ -142,6 +142,10 @@ class RunRecord:
         """The raw evaluation episodes, of all channels or of one fraction of broken links."""
         rows = _rows(self.path / EPISODES, "broken_links", "episode")
         return [row for row in rows if broken_links in (None, row["broken_links"])]
+
+    def has_episodes(self, broken_links: Iterable[float], count: int) -> bool:
+        """Whether it has at least `count` episodes of each fraction; RecordError if damaged."""
+        return all(len(self.episodes(fraction)) >= count for fraction in broken_links)
 
 
 def run_path(root: Path, planned: PlannedRun) -> Path:
