@@ -167,6 +167,16 @@ def test_the_published_question_is_what_the_issue_asks() -> None:
     assert made.broken_links == (0.0, 0.5, 1.0)
 
 
+def test_questions_share_the_runs_of_two_million_steps() -> None:
+    """A variant that two questions ask for is one run a seed: the ids are the same."""
+    ids: dict[tuple[str, int], set[str]] = {}
+    for question in ("blockwise-vs-elementwise", "broken-links", "dropout-rate"):
+        for run in plan(load_definition(question), "two-million", CATALOGUE).runs:
+            ids.setdefault((run.variant, run.spec.seed), set()).add(run.run_id)
+    assert len(ids) == 8 * 6
+    assert all(len(found) == 1 for found in ids.values())
+
+
 def test_navigation_is_asked_in_both_orders_of_the_landmarks() -> None:
     """Each scale of `navigation` has a twin that differs in `landmark_order` only."""
     definition = load_definition("navigation")
