@@ -28,6 +28,7 @@ from benchmarks import ceilings, engine, growth
 from benchmarks.counting import DENSE, Cost
 from benchmarks.plain.stopwatch import PARTS
 from benchmarks.updates import CASES, learning_ms, parameters, shares, update_cost, update_ms
+from msgdrop_cli.engine import arithmetic
 from msgdrop_cli.engine.training import Training
 from msgdrop_cli.networks.kernel import why_torch
 
@@ -105,7 +106,7 @@ def main() -> None:
     options = parser.parse_args()
     if os.environ.get("OMP_NUM_THREADS") != "1":
         sys.exit("set OMP_NUM_THREADS=1: numpy's products are to take one core, as torch's do")
-    torch.set_num_threads(1)
+    arithmetic.settle()
     torch.set_grad_enabled(False)
     print(f"one thread, {why_torch() or 'compiled'}, {torch.backends.cpu.get_cpu_capability()}")
     if options.growth:

@@ -23,6 +23,7 @@ import torch
 from benchmarks import engine
 from benchmarks.plain import measure as plain
 from benchmarks.plain.stopwatch import PARTS
+from msgdrop_cli.engine import arithmetic
 from msgdrop_cli.engine.evaluation import evaluate
 from msgdrop_cli.networks.kernel import why_torch
 from msgdrop_envs import autoreset, registry
@@ -124,7 +125,7 @@ def main() -> None:
     parser.add_argument("--blocks", type=int, default=5)
     parser.add_argument("--memory-of", help=argparse.SUPPRESS)
     options = parser.parse_args()
-    torch.set_num_threads(1)
+    arithmetic.settle()
     torch.set_grad_enabled(False)
     if options.memory_of:
         print(json.dumps(memory_here(options.memory_of)))

@@ -14,13 +14,14 @@ from multiprocessing.connection import Connection
 import torch
 
 from benchmarks import engine
+from msgdrop_cli.engine import arithmetic
 
 ASKED = 1.9
 
 
 def train(environment: str, algorithm: str, orders: Connection) -> None:
     """Train for as many seconds as each order says, and answer with env steps per second."""
-    torch.set_num_threads(1)
+    arithmetic.settle()
     with torch.no_grad():
         training = engine.prepared(engine.spec(environment, algorithm))
         orders.send("ready")

@@ -1,5 +1,5 @@
-"""What every test shares: torch on one thread, because the number of threads changes bits."""
+"""What every test shares: the arithmetic of a training process, because it decides bits."""
 
-import torch
+from msgdrop_cli.engine import arithmetic
 
-torch.set_num_threads(1)
+arithmetic.settle()

@@ -14,13 +14,14 @@ import torch
 import msgdrop_cli
 from msgdrop_cli.algorithms.registry import learner_class
 from msgdrop_cli.definition.spec import RunSpec
+from msgdrop_cli.engine.arithmetic import THREADS
 from msgdrop_envs import registry
 from msgdrop_envs.protocol import Environment
 
 _COMMIT = re.compile(r"[0-9a-f]{40}\+?")
 
 
-def facts(env: Environment, kernel: str, device: str, threads: int) -> dict[str, Any]:
+def facts(env: Environment, kernel: str, device: str) -> dict[str, Any]:
     """Versions, commit, host, device, threads, and the formulas of the environment's metrics."""
     return {
         "versions": {
@@ -32,7 +33,7 @@ def facts(env: Environment, kernel: str, device: str, threads: int) -> dict[str,
         "commit": commit(),
         "host": host(),
         "device": device,
-        "threads": threads,
+        "threads": THREADS,
         "kernel": kernel,
         "metrics": {name: asdict(metric) for name, metric in env.metrics.items()},
     }

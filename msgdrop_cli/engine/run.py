@@ -16,6 +16,7 @@ from typing import Any
 import torch
 
 from msgdrop_cli.definition.spec import PlannedRun
+from msgdrop_cli.engine import arithmetic
 from msgdrop_cli.engine.checkpoint import Checkpoint, Checkpoints, restore
 from msgdrop_cli.engine.facts import facts, kernel_name
 from msgdrop_cli.engine.graphs import Chunks, recorder
@@ -42,8 +43,6 @@ from msgdrop_cli.records.store import (
     set_status,
 )
 
-THREADS = 1
-"""Threads of a training process; another number changes the last bits of a result."""
 _LOOK_UP_EVERY_S = 0.5
 _QUICK_S, _PUT_OFF = 0.5, 50
 """What a checkpoint takes beyond half a second must be 2% of the training until the next one."""
@@ -97,7 +96,7 @@ def train_cohort(
     Raises RecordError if another process trains one of them (75), RunError if one was begun with
     another kernel.
     """
-    torch.set_num_threads(THREADS)
+    arithmetic.settle()
     outcomes = []
     with ExitStack() as locks:
         pending = []
@@ -154,7 +153,7 @@ class _Session:
         self.kernel = kernel_name(runs[0].planned.spec, device)
         self.chunks = Chunks(self.training, recorder(device))
         self.logged_at = 0
-        known = facts(self.training.env, self.kernel, device, THREADS)  # asks git: once for all
+        known = facts(self.training.env, self.kernel, device)  # asks git: once for all
         for number, run in enumerate(runs):
             if run.checkpoint is not None:
                 restore(self.training, number, run.checkpoint)
