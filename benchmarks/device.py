@@ -184,6 +184,7 @@ def measure_all(report: Report, device: str) -> None:
     report.add("where an eager step goes", lambda: kernels(COHORTS[0], device))
 
 
+@torch.inference_mode()
 def main() -> None:
     """Print and write everything."""
     assert __doc__
@@ -197,7 +198,6 @@ def main() -> None:
     if options.out is not None:
         options.out.mkdir(parents=True, exist_ok=True)
     torch.set_num_threads(1)
-    torch.set_grad_enabled(False)
     measure_all(Report(options.out, time.monotonic() + 60 * options.minutes), options.device)
 
 

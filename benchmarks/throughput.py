@@ -56,13 +56,13 @@ class Comparison(NamedTuple):
 
 def compare(environment: str, algorithm: str, seconds: float, blocks: int) -> Comparison:
     """The engine and the plain implementation in turn."""
-    with torch.enable_grad():  # the plain implementation uses autograd
+    with torch.inference_mode(False):  # the plain implementation uses autograd
         theirs = plain.prepared(environment, algorithm)
     ours = engine.prepared(engine.spec(environment, algorithm))
     fast, slow = [], []
     for _ in range(blocks):
         fast.append(engine.measure(ours, seconds))
-        with torch.enable_grad():
+        with torch.inference_mode(False):
             slow.append(plain.measure(theirs, seconds))
     key = "env_steps_per_s"
     ratios = sorted(one[key] / other[key] for one, other in zip(fast, slow, strict=True))
@@ -115,6 +115,7 @@ def memory_here(environment: str) -> dict[str, float]:
     return {"replay_capacity": capacity, "libraries": before, "run": after - before}
 
 
+@torch.inference_mode()
 def main() -> None:
     """Print what was asked for, as tables for people."""
     known = sorted({algorithm for each in plain.CASES.values() for algorithm in each})
@@ -126,7 +127,6 @@ def main() -> None:
     parser.add_argument("--memory-of", help=argparse.SUPPRESS)
     options = parser.parse_args()
     arithmetic.settle()
-    torch.set_grad_enabled(False)
     if options.memory_of:
         print(json.dumps(memory_here(options.memory_of)))
         return

@@ -22,7 +22,7 @@ ASKED = 1.9
 def train(environment: str, algorithm: str, orders: Connection) -> None:
     """Train for as many seconds as each order says, and answer with env steps per second."""
     arithmetic.settle()
-    with torch.no_grad():
+    with torch.inference_mode():
         training = engine.prepared(engine.spec(environment, algorithm))
         orders.send("ready")
         while seconds := orders.recv():

@@ -1,12 +1,15 @@
 """Numbers below 1.2e-38 are 0 in training: what that changes, and what it does not."""
 
 from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
 import torch
 from torch import Tensor
 
 from msgdrop_cli.engine import arithmetic
+from msgdrop_cli.engine.run import train_cohort
+from msgdrop_cli.engine.training import Training
 from tests.dcc_samples import (
     KERNELS,
     make_batch,
@@ -15,6 +18,7 @@ from tests.dcc_samples import (
     small_config,
     use_kernel,
 )
+from tests.runs import planned
 
 SMALLEST = torch.finfo(torch.float32).tiny
 FADED = 1e-39
@@ -55,9 +59,16 @@ def test_faded_moments_are_zero_and_no_weight_misses_them(
     torch.testing.assert_close(weights, exact_weights, rtol=0, atol=1e-30)
 
 
-def test_a_training_process_takes_them_for_zero() -> None:
-    """`settle` is what `train_cohort` begins with."""
+def test_a_training_computes_like_that(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """`train_cohort` takes them for zero, on one thread, and keeps no book for derivatives."""
+    found = []
+
+    def look(*_: object) -> None:
+        faded = torch.tensor(FADED) * 1.0
+        found.append((float(faded), torch.get_num_threads(), torch.is_inference_mode_enabled()))
+        raise RuntimeError
+
     torch.set_flush_denormal(False)
-    assert torch.tensor(FADED) * 1.0 != 0
-    arithmetic.settle()
-    assert torch.tensor(FADED) * 1.0 == 0
+    monkeypatch.setattr(Training, "begin", look)
+    train_cohort([planned()], tmp_path)
+    assert found == [(0.0, 1, True)]

@@ -28,6 +28,7 @@ from msgdrop_envs import autoreset, registry
 from msgdrop_envs.protocol import Environment
 
 
+@torch.inference_mode()
 def evaluate(
     run_path: Path,
     *,
@@ -58,8 +59,7 @@ def evaluate(
     def act(games: autoreset.Games, playing: Tensor) -> Tensor:
         return learner.act_greedily(games.obs, None if keep is None else keep[:, playing])
 
-    with torch.no_grad():
-        table = play_episodes(env, act, streams, episodes, stop)
+    table = play_episodes(env, act, streams, episodes, stop)
     if table is None:
         return []
     return [_row(env, broken_links, n, values) for n, values in enumerate(table.tolist())]

@@ -34,6 +34,7 @@ def play_references(spec: dict[str, Any], where: str) -> dict[str, Any]:
     return {"episodes": EPISODES, "seed": SEED, "commit": commit(), "policies": policies}
 
 
+@torch.inference_mode()
 def _play(env: Environment, reference: Reference) -> dict[str, float | None]:
     streams = Streams([SEED])
     shape = (EPISODES, env.agents, max(1, env.action_size))
@@ -41,8 +42,7 @@ def _play(env: Environment, reference: Reference) -> dict[str, float | None]:
     def act(games: autoreset.Games, playing: Tensor) -> Tensor:
         return reference.act(games.state, streams.uniforms("explore", *shape)[:, playing])
 
-    with torch.no_grad():
-        table = play_episodes(env, act, streams, EPISODES)
+    table = play_episodes(env, act, streams, EPISODES)
     assert table is not None  # nobody stops it
     names = ("steps", "finished", "return", *env.counts)
     sums = dict(zip(names, table.sum(0).tolist(), strict=True)) | {"episodes": float(EPISODES)}

@@ -82,6 +82,7 @@ class _Run:
         return self.checkpoint.env_steps if self.checkpoint else 0
 
 
+@torch.inference_mode()
 def train_cohort(
     runs: Sequence[PlannedRun],
     root: Path,
@@ -170,23 +171,22 @@ class _Session:
         """Train until the end, or until `stop` says so."""
         training, plan = self.training, self.plan
         looked_up = self.clock
-        with torch.no_grad():
-            while training.env_steps < plan.train_env_steps:
-                before = training.env_steps
-                self.chunks.advance(self._steps_to_write())
-                if self._passes(before, plan.log_every_env_steps):
-                    self._log()
-                if all(run.diverged for run in self.runs):
-                    break
-                due = self._passes(before, plan.checkpoint_every_env_steps)
-                if due and time.monotonic() >= self.put_off_until:
+        while training.env_steps < plan.train_env_steps:
+            before = training.env_steps
+            self.chunks.advance(self._steps_to_write())
+            if self._passes(before, plan.log_every_env_steps):
+                self._log()
+            if all(run.diverged for run in self.runs):
+                break
+            due = self._passes(before, plan.checkpoint_every_env_steps)
+            if due and time.monotonic() >= self.put_off_until:
+                self._checkpoint()
+            if time.monotonic() - looked_up >= _LOOK_UP_EVERY_S:
+                looked_up = time.monotonic()
+                self._show_progress()
+                if stop():
                     self._checkpoint()
-                if time.monotonic() - looked_up >= _LOOK_UP_EVERY_S:
-                    looked_up = time.monotonic()
-                    self._show_progress()
-                    if stop():
-                        self._checkpoint()
-                        return self._close("interrupted")
+                    return self._close("interrupted")
         return self._finish()
 
     def _steps_to_write(self) -> int:

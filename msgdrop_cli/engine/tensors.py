@@ -3,7 +3,6 @@
 from collections.abc import Mapping
 from pathlib import Path
 
-import torch
 from safetensors import SafetensorError
 from safetensors.torch import load, save
 from torch import Tensor
@@ -57,6 +56,5 @@ def copy_into(views: Mapping[str, Tensor], tensors: Mapping[str, Tensor], path: 
                 f"{path}: does not fit this run: {name!r} is {tuple(found.shape)} {found.dtype},"
                 f" expected {tuple(view.shape)} {view.dtype}"
             )
-    with torch.no_grad():
-        for name, view in views.items():
-            view.copy_(tensors[name])
+    for name, view in views.items():
+        view.copy_(tensors[name])
