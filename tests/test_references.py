@@ -170,6 +170,13 @@ def test_what_a_newer_program_adds_is_tolerated(tmp_path: Path) -> None:
     assert find_references(tmp_path, "some-game") == KNOWN
 
 
+@pytest.mark.parametrize("name", ["a**b", "[game", "../game"])
+def test_a_foreign_game_is_looked_for_by_its_very_name(name: str, tmp_path: Path) -> None:
+    """What stands in a stranger's record is no pattern: nothing is found, and nothing fails."""
+    keep_references(tmp_path, "some-game", dataclasses.asdict(KNOWN))
+    assert find_references(tmp_path, game_key({"name": name})) is None
+
+
 def test_damage_is_noted_and_made_again(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """One line names the file, the policies are played, and the file is whole the next time."""
     run = write_run(tmp_path, "dcc", 1, spec=game(3))

@@ -5,6 +5,7 @@ The id is of the environment's settings, so a game with other rules has numbers 
 
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
+from glob import escape
 from pathlib import Path
 from typing import Any
 
@@ -56,7 +57,7 @@ def find_references(root: Path, key: str) -> References | None:
     Raises RecordError if every file that should say it is damaged.
     """
     damage: RecordError | None = None
-    for file in sorted(root.rglob(f"{REFERENCES}/{key}.json")):
+    for file in sorted(root.rglob(f"{REFERENCES}/{escape(key)}.json")):
         try:
             return read_references(read_json(file), str(file))
         except RecordError as error:
