@@ -7,7 +7,15 @@ import torch
 from torch import Tensor
 
 from msgdrop_cli.engine import randomness
-from msgdrop_cli.engine.randomness import BLOCK, Name, Streams, stream_key
+from msgdrop_cli.engine.randomness import (
+    BLOCK,
+    SOURCE,
+    Name,
+    Streams,
+    splitmix64,
+    stream_key,
+)
+from msgdrop_cli.networks.kernel import load
 
 PUBLISHED = (
     6457827717110365317,
@@ -54,6 +62,17 @@ def _limit(cells: int) -> float:
 def test_scalar_generator_gives_the_published_words() -> None:
     """The yardstick of this file is right itself."""
     assert tuple(_splitmix64(1234567, 5)) == PUBLISHED
+
+
+@pytest.mark.parametrize("first", [0, 3, 2**40])
+def test_c_and_torch_give_the_same_numbers(first: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Bit for bit, so that a run's kernel says nothing of its random numbers."""
+    if load(SOURCE) is None:
+        pytest.skip("no C compiler, or MSGDROP_KERNEL=torch")
+    keys = torch.tensor([[stream_key(seed, "dropout") - 2**63] for seed in (1, 2, 3)])
+    found = splitmix64(keys, first, 1001)
+    monkeypatch.setattr(randomness, "load", lambda _: None)
+    assert torch.equal(found, splitmix64(keys, first, 1001))
 
 
 def test_raw_words_are_the_published_ones(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -8,12 +8,17 @@ one position, and reading one stream more often cannot change another.
 
 import hashlib
 from collections.abc import Sequence
+from ctypes import c_int64, c_uint64, c_void_p
+from pathlib import Path
 from typing import Literal
 
 import torch
 from torch import Tensor
 
+from msgdrop_cli.networks.kernel import load
+
 Name = Literal["init", "explore", "replay", "dropout", "env", "evaluate", "links"]
+SOURCE = Path(__file__).with_name("randomness.c")
 BLOCK = 16_384
 """Numbers made ahead at a time: enough that a draw costs a slice (benchmarks/NOTES.md)."""
 _WEYL, _MIX1, _MIX2 = 0x9E3779B97F4A7C15, 0xBF58476D1CE4E5B9, 0x94D049BB133111EB
@@ -62,12 +67,26 @@ class Streams:
         if name not in self._keys:
             keys = [[_signed(stream_key(seed, name))] for seed in self._seeds]
             self._keys[name] = torch.tensor(keys, device=self.device)  # [R, 1]
-        steps = torch.arange(words, device=self.device) * _signed(_WEYL)
-        z = self._keys[name] + _signed((first_word + 1) * _WEYL) + steps  # [R, words]
-        z = (z ^ _shift_right(z, 30)) * _signed(_MIX1)
-        z = (z ^ _shift_right(z, 27)) * _signed(_MIX2)
-        z = z ^ _shift_right(z, 31)
-        return torch.stack((_shift_right(z, 32), z & 0xFFFFFFFF), -1).flatten(1)
+        return splitmix64(self._keys[name], first_word, words)
+
+
+def splitmix64(keys: Tensor, first_word: int, words: int) -> Tensor:
+    """Words `first_word` on of the streams that begin at `keys` [R, 1], as two halves each.
+
+    Returns [R, 2 * words] int64, the upper 32 bits of a word first.
+    """
+    compiled = load(SOURCE) if keys.device.type == "cpu" else None
+    if compiled is not None:  # the same numbers
+        bits = torch.empty(len(keys), 2 * words, dtype=torch.int64)
+        counts = (c_int64(len(keys)), c_uint64(first_word), c_int64(words))
+        compiled.splitmix64(c_void_p(keys.data_ptr()), *counts, c_void_p(bits.data_ptr()))
+        return bits
+    steps = torch.arange(words, device=keys.device) * _signed(_WEYL)
+    z = keys + _signed((first_word + 1) * _WEYL) + steps  # [R, words]
+    z = (z ^ _shift_right(z, 30)) * _signed(_MIX1)
+    z = (z ^ _shift_right(z, 27)) * _signed(_MIX2)
+    z = z ^ _shift_right(z, 31)
+    return torch.stack((_shift_right(z, 32), z & 0xFFFFFFFF), -1).flatten(1)
 
 
 def stream_key(seed: int, name: str) -> int:
