@@ -30,4 +30,14 @@ def test_publishing_again_replaces(tmp_path: Path) -> None:
     [copy] = publish([record], tmp_path / "published")
     (copy / "stale").touch()
     assert publish([record], tmp_path / "published") == [copy]
-    assert sorted(p.name for p in copy.iterdir()) == ["episodes.jsonl", "metrics.jsonl", "run.json"]
+    assert sorted(p.name for p in copy.iterdir()) == [
+        *("episodes.jsonl.gz", "metrics.jsonl.gz", "run.json")
+    ]
+
+
+def test_a_packed_copy_says_the_same(tmp_path: Path) -> None:
+    """Windows and episodes of a published run are those of the run."""
+    record = write_run(tmp_path / "ours", "dcc", 1, catches={0.0: 3})
+    [copy] = list_runs(publish([record], tmp_path / "published")[0])
+    assert len(record.metrics()) > 0 < len(record.episodes())
+    assert (copy.metrics(), copy.episodes()) == (record.metrics(), record.episodes())

@@ -14,10 +14,11 @@ from msgdrop_cli.commands.options import check_device
 from msgdrop_cli.commands.progress import Watch, Watched
 from msgdrop_cli.commands.words import several
 from msgdrop_cli.errors import DefinitionError, RecordError
+from msgdrop_cli.records.packed import packed_name
 from msgdrop_cli.records.store import EPISODES, METRICS, POLICY, RUN, RUNS, RunRecord, list_runs
 from msgdrop_cli.scheduler import Stopped, Task, graceful_stop, run_tasks
 
-_COPIED = (RUN, POLICY, METRICS, EPISODES)
+_COPIED = (RUN, POLICY, METRICS, EPISODES, packed_name(METRICS), packed_name(EPISODES))
 
 
 class Evaluated(NamedTuple):

@@ -19,7 +19,7 @@ from msgdrop_cli.definition.strict import one_line
 from msgdrop_cli.errors import RecordError
 
 CANNOT_READ, CANNOT_CREATE, CANNOT_WRITE, BUSY = 2, 73, 74, 75
-_LARGEST_FILE = 256 * 2**20
+LARGEST_FILE = 256 * 2**20
 _LARGEST_INT = 2**63 - 1
 TEMPORARY = ".tmp-"
 """Begins the names of files and folders that are being written."""
@@ -122,11 +122,16 @@ def read_jsonl(path: Path) -> list[dict[str, Any]]:
 
     Raises RecordError, naming file and line, for every other damage.
     """
+    return parse_jsonl(read_bytes(path), str(path))
+
+
+def parse_jsonl(content: bytes, place: str) -> list[dict[str, Any]]:
+    """The rows in `content`, as `read_jsonl`; `place` begins the error's line."""
     rows = []
-    for number, line in enumerate(_whole_lines(read_bytes(path)), start=1):
-        row = parse_json(line, f"{path}: line {number}")
+    for number, line in enumerate(_whole_lines(content), start=1):
+        row = parse_json(line, f"{place}: line {number}")
         if not isinstance(row, dict):
-            raise RecordError(_message(path, f"line {number}: expected an object"))
+            raise RecordError(one_line(f"{place}: line {number}: expected an object"))
         rows.append(row)
     return rows
 
@@ -178,7 +183,7 @@ def _remove_leftovers(path: Path) -> None:
             leftover.unlink()
 
 
-def read_bytes(path: Path, largest: int = _LARGEST_FILE) -> bytes:
+def read_bytes(path: Path, largest: int = LARGEST_FILE) -> bytes:
     """The bytes of a regular file that is no link and has at most `largest` bytes.
 
     Raises RecordError (2) for any other file.

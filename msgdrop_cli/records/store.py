@@ -18,9 +18,9 @@ from msgdrop_cli.records.files import (
     CANNOT_CREATE,
     TEMPORARY,
     read_json,
-    read_jsonl,
     write_json_atomic,
 )
+from msgdrop_cli.records.packed import read_log
 
 SCHEMA = 1
 RUNS = "runs"
@@ -270,9 +270,7 @@ def _walk(folder: Path) -> Iterator[Path]:
 
 
 def _rows(path: Path, *keys: str) -> list[dict[str, Any]]:
-    if not os.path.lexists(path):
-        return []
-    rows = read_jsonl(path)
+    rows = read_log(path)
     for number, row in enumerate(rows, start=1):
         for key in keys:
             if type(row.get(key)) not in (int, float):

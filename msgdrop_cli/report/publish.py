@@ -9,12 +9,13 @@ from msgdrop_cli.analysis.claims import Verdict
 from msgdrop_cli.analysis.summary import Summary
 from msgdrop_cli.errors import RecordError
 from msgdrop_cli.records.files import CANNOT_WRITE, TEMPORARY, write_json_atomic
+from msgdrop_cli.records.packed import pack_log, packed_name
 from msgdrop_cli.records.store import EPISODES, METRICS, POLICY, RUN, RunRecord
 from msgdrop_cli.report.table import broken_links_table, claims_table, results_table, to_markdown
 
 
 def publish(records: Sequence[RunRecord], folder: Path) -> list[Path]:
-    """Copy finished runs below `folder`: their numbers, and the policy of each lowest seed.
+    """Copy finished runs below `folder`: their numbers, packed, and each lowest seed's policy.
 
     A run that stands there already is replaced as a whole. Returns the copies' paths.
     Raises RecordError (74), with nothing half-copied.
@@ -27,7 +28,7 @@ def publish(records: Sequence[RunRecord], folder: Path) -> list[Path]:
     for record in records:
         with_policy = record.seed == lowest[record.environment, record.variant]
         target = folder / record.environment / record.path.name
-        _copy(record, target, [METRICS, EPISODES] + [POLICY] * with_policy)
+        _copy(record, target, with_policy)
         copies.append(target)
     return copies
 
@@ -44,16 +45,18 @@ def tables(summary: Summary, verdicts: Sequence[Verdict]) -> str:
     return "\n".join(to_markdown(page) for page in pages)
 
 
-def _copy(record: RunRecord, target: Path, names: Sequence[str]) -> None:
+def _copy(record: RunRecord, target: Path, with_policy: bool) -> None:
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
         with TemporaryDirectory(dir=target.parent, prefix=TEMPORARY) as scratch:
             copy = Path(scratch) / target.name
             copy.mkdir()
             write_json_atomic(copy / RUN, record.run)  # by the names of the question it answers
-            for name in names:
-                if (record.path / name).exists():
-                    shutil.copyfile(record.path / name, copy / name)
+            for log in (METRICS, EPISODES):
+                if (record.path / log).exists():
+                    (copy / packed_name(log)).write_bytes(pack_log(record.path / log))
+            if with_policy and (record.path / POLICY).exists():
+                shutil.copyfile(record.path / POLICY, copy / POLICY)
             if target.exists():
                 target.rename(Path(scratch) / "old")
             copy.rename(target)
