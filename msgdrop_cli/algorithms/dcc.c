@@ -7,8 +7,8 @@
  * It is one long file, since the compiler has to see the passes and Adam as one thing.
  *
  * Bytes are mostly zeros (pursuit: 8% ones). Their first layer adds up the weights' rows of the
- * ones, block by block, so that a block's rows stay in the first-level cache. Their gradient is
- * made and used up block by block, too.
+ * ones, block by block, so that a block's rows stay in the nearest caches. Their gradient is made
+ * and used up block by block, too.
  */
 #include <stdint.h>
 #include <string.h>
@@ -122,7 +122,7 @@ static void add_ones(const Net *n, const Scratch *s, const float *weight, int64_
             const float *fs = f + b * f_row + j * n->factors;
             if (n->factors == 1 && fs[0] == 0.0f) continue; /* a dropped message */
             const int32_t *start = s->start + (row0 + b) * (n->blocks + 1) + j;
-                        for (int64_t h = 0; h < width; h += 8 * LANES) {
+            for (int64_t h = 0; h < width; h += 8 * LANES) {
                 float *sum = out + b * stride + h;
                 const int64_t vecs = (width - h) / LANES;
 #define CALL(V) add_rows(V, sum, w + h, width, s, start[0], start[1], fs, n->factors > 1)
