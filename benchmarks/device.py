@@ -28,6 +28,7 @@ sys.path[:0] = PATHS
 
 # ruff: noqa: E402 (what is ours can be found only now)
 from benchmarks.device_cohorts import COHORTS, Cohort, kernels, throughput
+from msgdrop_cli.engine import arithmetic
 from msgdrop_cli.records.files import write_json_atomic
 
 RESERVE_S = 30.0
@@ -184,7 +185,7 @@ def measure_all(report: Report, device: str) -> None:
     report.add("where an eager step goes", lambda: kernels(COHORTS[0], device))
 
 
-@torch.inference_mode()
+@arithmetic.settled()
 def main() -> None:
     """Print and write everything."""
     assert __doc__
@@ -197,7 +198,6 @@ def main() -> None:
         sys.exit("there is no CUDA device; --device cpu shows that the command works")
     if options.out is not None:
         options.out.mkdir(parents=True, exist_ok=True)
-    torch.set_num_threads(1)
     measure_all(Report(options.out, time.monotonic() + 60 * options.minutes), options.device)
 
 

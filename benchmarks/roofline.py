@@ -96,7 +96,7 @@ def report(environment: str, seconds: float, blocks: int) -> None:
     print(f"  ms an update, and what lies between two: {parts}", flush=True)
 
 
-@torch.inference_mode()
+@arithmetic.settled()
 def main() -> None:
     """Print every case, or draw the growth."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
@@ -107,7 +107,6 @@ def main() -> None:
     options = parser.parse_args()
     if os.environ.get("OMP_NUM_THREADS") != "1":
         sys.exit("set OMP_NUM_THREADS=1: numpy's products are to take one core, as torch's do")
-    arithmetic.settle()
     print(f"one thread, {why_torch() or 'compiled'}, {torch.backends.cpu.get_cpu_capability()}")
     if options.growth:
         growth.draw(options.growth, options.seconds, options.blocks)

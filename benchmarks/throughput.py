@@ -115,7 +115,7 @@ def memory_here(environment: str) -> dict[str, float]:
     return {"replay_capacity": capacity, "libraries": before, "run": after - before}
 
 
-@torch.inference_mode()
+@arithmetic.settled()
 def main() -> None:
     """Print what was asked for, as tables for people."""
     known = sorted({algorithm for each in plain.CASES.values() for algorithm in each})
@@ -126,7 +126,6 @@ def main() -> None:
     parser.add_argument("--blocks", type=int, default=5)
     parser.add_argument("--memory-of", help=argparse.SUPPRESS)
     options = parser.parse_args()
-    arithmetic.settle()
     if options.memory_of:
         print(json.dumps(memory_here(options.memory_of)))
         return

@@ -11,8 +11,6 @@ import argparse
 import multiprocessing
 from multiprocessing.connection import Connection
 
-import torch
-
 from benchmarks import engine
 from msgdrop_cli.engine import arithmetic
 
@@ -21,8 +19,7 @@ ASKED = 1.9
 
 def train(environment: str, algorithm: str, orders: Connection) -> None:
     """Train for as many seconds as each order says, and answer with env steps per second."""
-    arithmetic.settle()
-    with torch.inference_mode():
+    with arithmetic.settled():
         training = engine.prepared(engine.spec(environment, algorithm))
         orders.send("ready")
         while seconds := orders.recv():

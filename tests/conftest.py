@@ -1,5 +1,7 @@
-"""What every test shares: the arithmetic of a training process, because it decides bits."""
+"""What every test shares: torch on one thread, because the number of threads changes bits."""
 
-from msgdrop_cli.engine import arithmetic
+import torch
 
-arithmetic.settle()
+from msgdrop_cli.engine.arithmetic import THREADS
+
+torch.set_num_threads(THREADS)

@@ -109,3 +109,4 @@ def without_c(monkeypatch: pytest.MonkeyPatch) -> None:
     for learner in ("compiled", "compiled_maddpg"):
         monkeypatch.setattr(f"msgdrop_cli.algorithms.{learner}.load", lambda _: None)
     monkeypatch.setattr("msgdrop_cli.networks.sparse_rows._library", lambda: None)
+    monkeypatch.setattr("msgdrop_cli.engine.randomness.load", lambda _: None)

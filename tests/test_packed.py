@@ -10,7 +10,7 @@ import pytest
 from msgdrop_cli.errors import RecordError
 from msgdrop_cli.records import packed
 from msgdrop_cli.records.files import append_jsonl
-from msgdrop_cli.records.packed import pack_log, packed_name, read_log
+from msgdrop_cli.records.packed import log_bytes, pack, packed_name, read_log
 
 ROWS: list[dict[str, Any]] = [{"env_steps": 5, "loss": 0.25}, {"env_steps": 10, "loss": None}]
 
@@ -20,7 +20,7 @@ def log(tmp_path: Path) -> Path:
     """A log, and its packed copy beside it."""
     path = tmp_path / "metrics.jsonl"
     append_jsonl(path, *ROWS)
-    (tmp_path / packed_name(path.name)).write_bytes(pack_log(path))
+    (tmp_path / packed_name(path.name)).write_bytes(pack(path.read_bytes()))
     return path
 
 
@@ -39,11 +39,12 @@ def test_the_log_itself_goes_first(log: Path) -> None:
 def test_no_log_has_no_rows(tmp_path: Path) -> None:
     """As before a run's first window."""
     assert read_log(tmp_path / "metrics.jsonl") == []
+    assert log_bytes(tmp_path / "metrics.jsonl") is None
 
 
 def test_packing_gives_the_same_bytes_again(log: Path) -> None:
     """No time and no name goes in, so publishing again changes nothing."""
-    content = pack_log(log)
+    content = pack(log.read_bytes())
     assert content == log.with_name(packed_name(log.name)).read_bytes()
     assert content[4:8] == bytes(4)  # where gzip would put the time
 
@@ -52,11 +53,12 @@ def test_packing_gives_the_same_bytes_again(log: Path) -> None:
     "damage",
     [
         lambda content: content[:-9],
+        lambda content: b"",
         lambda content: b"no gzip at all",
         lambda content: content[:10] + bytes([content[10] | 6]) + content[11:],
         lambda content: gzip.compress(b"[1]\n"),
     ],
-    ids=["torn", "other", "flipped", "no object"],
+    ids=["torn", "empty", "other", "flipped", "no object"],
 )
 def test_a_damaged_one_is_one_line(log: Path, damage: Callable[[bytes], bytes]) -> None:
     """The line names the file."""

@@ -1,7 +1,13 @@
 """Publishing: small copies of finished runs, and nothing else."""
 
+import gzip
+from contextlib import ExitStack
 from pathlib import Path
 
+import pytest
+
+from msgdrop_cli.commands.evaluating import _copy
+from msgdrop_cli.errors import RecordError
 from msgdrop_cli.records.store import list_runs
 from msgdrop_cli.report.publish import publish
 from tests.fake_runs import write_run
@@ -41,3 +47,29 @@ def test_a_packed_copy_says_the_same(tmp_path: Path) -> None:
     [copy] = list_runs(publish([record], tmp_path / "published")[0])
     assert len(record.metrics()) > 0 < len(record.episodes())
     assert (copy.metrics(), copy.episodes()) == (record.metrics(), record.episodes())
+
+
+def test_what_is_published_can_be_published_again(tmp_path: Path) -> None:
+    """Even onto itself: its packed logs stay as they are."""
+    first = publish([write_run(tmp_path / "ours", "dcc", 1)], tmp_path / "published")[0]
+    logs = [first / f"{name}.jsonl.gz" for name in ("metrics", "episodes")]
+    before = [log.read_bytes() for log in logs]
+    assert publish(list_runs(first), tmp_path / "published") == [first]
+    assert [log.read_bytes() for log in logs] == before
+
+
+def test_a_bad_row_names_the_file_that_is_there(tmp_path: Path) -> None:
+    """A packed log is called by its own name."""
+    [copy] = publish([write_run(tmp_path / "ours", "dcc", 1)], tmp_path / "published")
+    (copy / "episodes.jsonl.gz").write_bytes(gzip.compress(b"{}\n"))
+    with pytest.raises(RecordError, match=r"episodes\.jsonl\.gz: line 1"):
+        list_runs(copy)[0].episodes()
+
+
+def test_what_is_played_anew_keeps_its_packed_logs(tmp_path: Path) -> None:
+    """The copy in which a published run is evaluated further has its windows and episodes."""
+    [record] = list_runs(publish([write_run(tmp_path / "o", "dcc", 1)], tmp_path / "p")[0])
+    with ExitStack() as keep:
+        copy = _copy(record, keep)
+        assert copy.path != record.path
+        assert (copy.metrics(), copy.episodes()) == (record.metrics(), record.episodes())

@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 from msgdrop_cli.analysis.statistics import Interval, bootstrap_band, mean
 from msgdrop_cli.errors import RecordError
+from msgdrop_cli.records.packed import log_file
 from msgdrop_cli.records.store import METRICS, RunRecord
 
 SMOOTHING_SHARE = 0.05
@@ -74,14 +75,14 @@ def _windows(record: RunRecord, metric: str) -> list[Window]:
             end, value = int(row["env_steps"]), row.get(metric)
             if end <= start:
                 raise RecordError(
-                    f"{record.path / METRICS}: env_steps {end} does not follow {start}"
+                    f"{log_file(record.path / METRICS)}: env_steps {end} does not follow {start}"
                 )
             if value is not None:
                 windows.append(Window(end, end - start, float(value)))
             start = end
     except (KeyError, TypeError, ValueError) as error:
         raise RecordError(
-            f"{record.path / METRICS}: env_steps or {metric} is not a number ({error!r})"
+            f"{log_file(record.path / METRICS)}: env_steps or {metric} is not a number ({error!r})"
         ) from error
     return windows
 

@@ -22,6 +22,7 @@ from msgdrop_cli.analysis.statistics import (
 )
 from msgdrop_cli.definition.spec import TrainingSpec
 from msgdrop_cli.errors import RecordError
+from msgdrop_cli.records.packed import log_file
 from msgdrop_cli.records.references import References, game_key
 from msgdrop_cli.records.store import EPISODES, RunRecord
 
@@ -253,7 +254,7 @@ def _evaluations(record: RunRecord, metrics: Sequence[Metric]) -> dict[float, _E
         }
     except (KeyError, TypeError, ValueError, ZeroDivisionError) as error:
         raise RecordError(
-            f"{record.path / EPISODES}: an episode's row is not readable ({error!r}); "
+            f"{log_file(record.path / EPISODES)}: an episode's row is not readable ({error!r}); "
             "evaluate this run again"
         ) from error
 

@@ -17,7 +17,8 @@ from msgdrop_cli.definition.run_id import run_id, spec_from_dict
 from msgdrop_cli.definition.spec import RunSpec
 from msgdrop_cli.errors import DefinitionError, RecordError
 from msgdrop_cli.records.archive import install, unpack
-from msgdrop_cli.records.files import CANNOT_CREATE, read_bytes
+from msgdrop_cli.records.files import CANNOT_CREATE
+from msgdrop_cli.records.packed import log_bytes
 from msgdrop_cli.records.store import EPISODES, METRICS, POLICY, RUN, RUNS, RunRecord, find_run
 
 app = typer.Typer()
@@ -163,9 +164,7 @@ def _is_same(record: RunRecord, other: RunRecord) -> bool:
     evaluated = set(map(dumps, other.episodes()))
     return (
         record.run == other.run
-        and all(
-            theirs.is_file() and read_bytes(ours) == read_bytes(theirs) for ours, theirs in files
-        )
+        and all(log_bytes(ours) == log_bytes(theirs) for ours, theirs in files)
         and evaluated.issuperset(map(dumps, record.episodes()))
     )
 

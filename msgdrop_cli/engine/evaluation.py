@@ -16,6 +16,7 @@ from torch import Tensor
 from msgdrop_cli.algorithms.registry import learner_class
 from msgdrop_cli.definition.run_id import spec_from_dict
 from msgdrop_cli.definition.spec import RunSpec
+from msgdrop_cli.engine import arithmetic
 from msgdrop_cli.engine.catalogue import catalogue
 from msgdrop_cli.engine.randomness import Streams
 from msgdrop_cli.engine.tensors import copy_into, read_tensors
@@ -28,7 +29,7 @@ from msgdrop_envs import autoreset, registry
 from msgdrop_envs.protocol import Environment
 
 
-@torch.inference_mode()
+@arithmetic.settled()
 def evaluate(
     run_path: Path,
     *,

@@ -2,10 +2,10 @@
 
 from typing import Any
 
-import torch
 from torch import Tensor
 
 from msgdrop_cli.definition.run_id import spec_from_dict
+from msgdrop_cli.engine import arithmetic
 from msgdrop_cli.engine.catalogue import catalogue
 from msgdrop_cli.engine.evaluation import play_episodes
 from msgdrop_cli.engine.facts import commit
@@ -34,7 +34,7 @@ def play_references(spec: dict[str, Any], where: str) -> dict[str, Any]:
     return {"episodes": EPISODES, "seed": SEED, "commit": commit(), "policies": policies}
 
 
-@torch.inference_mode()
+@arithmetic.settled()
 def _play(env: Environment, reference: Reference) -> dict[str, float | None]:
     streams = Streams([SEED])
     shape = (EPISODES, env.agents, max(1, env.action_size))

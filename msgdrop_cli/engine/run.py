@@ -13,8 +13,6 @@ from itertools import groupby
 from pathlib import Path
 from typing import Any
 
-import torch
-
 from msgdrop_cli.definition.spec import PlannedRun
 from msgdrop_cli.engine import arithmetic
 from msgdrop_cli.engine.checkpoint import Checkpoint, Checkpoints, restore
@@ -82,7 +80,7 @@ class _Run:
         return self.checkpoint.env_steps if self.checkpoint else 0
 
 
-@torch.inference_mode()
+@arithmetic.settled()
 def train_cohort(
     runs: Sequence[PlannedRun],
     root: Path,
@@ -97,7 +95,6 @@ def train_cohort(
     Raises RecordError if another process trains one of them (75), RunError if one was begun with
     another kernel.
     """
-    arithmetic.settle()
     outcomes = []
     with ExitStack() as locks:
         pending = []

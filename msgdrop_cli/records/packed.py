@@ -12,7 +12,7 @@ from typing import Any
 
 from msgdrop_cli.definition.strict import one_line
 from msgdrop_cli.errors import RecordError
-from msgdrop_cli.records.files import LARGEST_FILE, parse_jsonl, read_bytes, read_jsonl
+from msgdrop_cli.records.files import LARGEST_FILE, parse_jsonl, read_bytes
 
 
 def packed_name(name: str) -> str:
@@ -20,25 +20,40 @@ def packed_name(name: str) -> str:
     return f"{name}.gz"
 
 
-def pack_log(path: Path) -> bytes:
-    """The packed content of the log `path`; the same bytes for the same log. Raises RecordError."""
-    return gzip.compress(read_bytes(path), compresslevel=9, mtime=0)
+def log_file(path: Path) -> Path:
+    """The file that the log `path` is in: itself, or its packed copy where there is only that."""
+    packed = path.with_name(packed_name(path.name))
+    return packed if lexists(packed) and not lexists(path) else path
+
+
+def log_bytes(path: Path) -> bytes | None:
+    """A log, unpacked; None if there is no such log. Raises RecordError if it is damaged."""
+    file = log_file(path)
+    if not lexists(file):
+        return None
+    return read_bytes(file) if file == path else _unpacked(file)
 
 
 def read_log(path: Path) -> list[dict[str, Any]]:
-    """The rows of a log, packed or not; none if there is no such log. RecordError if damaged."""
-    packed = path.with_name(packed_name(path.name))
-    if lexists(path):
-        return read_jsonl(path)
-    return parse_jsonl(_unpacked(packed), str(packed)) if lexists(packed) else []
+    """The rows of a log, none if there is no such log. Raises RecordError if it is damaged."""
+    content = log_bytes(path)
+    return [] if content is None else parse_jsonl(content, str(log_file(path)))
+
+
+def pack(content: bytes) -> bytes:
+    """A log, packed: no time and no name go in, so publishing again changes nothing."""
+    return gzip.compress(content, compresslevel=9, mtime=0)
 
 
 def _unpacked(path: Path) -> bytes:
+    packed = read_bytes(path)
     try:
-        with gzip.open(BytesIO(read_bytes(path))) as file:
+        with gzip.open(BytesIO(packed)) as file:
             content = file.read(LARGEST_FILE + 1)
     except (OSError, EOFError, zlib.error) as error:
         raise RecordError(one_line(f"{path}: is damaged: {error}")) from error
+    if not packed:
+        raise RecordError(one_line(f"{path}: is damaged: it is empty"))
     if len(content) > LARGEST_FILE:
         raise RecordError(one_line(f"{path}: is not a record of msgdrop"))
     return content

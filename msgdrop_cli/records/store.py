@@ -20,7 +20,7 @@ from msgdrop_cli.records.files import (
     read_json,
     write_json_atomic,
 )
-from msgdrop_cli.records.packed import read_log
+from msgdrop_cli.records.packed import log_file, read_log
 
 SCHEMA = 1
 RUNS = "runs"
@@ -274,7 +274,8 @@ def _rows(path: Path, *keys: str) -> list[dict[str, Any]]:
     for number, row in enumerate(rows, start=1):
         for key in keys:
             if type(row.get(key)) not in (int, float):
-                raise RecordError(one_line(f"{path}: line {number}: {key!r} is not a number"))
+                place = f"{log_file(path)}: line {number}"
+                raise RecordError(one_line(f"{place}: {key!r} is not a number"))
     return rows
 
 

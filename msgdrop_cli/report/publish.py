@@ -9,7 +9,7 @@ from msgdrop_cli.analysis.claims import Verdict
 from msgdrop_cli.analysis.summary import Summary
 from msgdrop_cli.errors import RecordError
 from msgdrop_cli.records.files import CANNOT_WRITE, TEMPORARY, write_json_atomic
-from msgdrop_cli.records.packed import pack_log, packed_name
+from msgdrop_cli.records.packed import log_bytes, pack, packed_name
 from msgdrop_cli.records.store import EPISODES, METRICS, POLICY, RUN, RunRecord
 from msgdrop_cli.report.table import broken_links_table, claims_table, results_table, to_markdown
 
@@ -18,7 +18,7 @@ def publish(records: Sequence[RunRecord], folder: Path) -> list[Path]:
     """Copy finished runs below `folder`: their numbers, packed, and each lowest seed's policy.
 
     A run that stands there already is replaced as a whole. Returns the copies' paths.
-    Raises RecordError (74), with nothing half-copied.
+    Raises RecordError, damaged (2) or not writable (74), with nothing half-copied.
     """
     lowest: dict[tuple[str, str], int] = {}
     for record in records:
@@ -53,8 +53,8 @@ def _copy(record: RunRecord, target: Path, with_policy: bool) -> None:
             copy.mkdir()
             write_json_atomic(copy / RUN, record.run)  # by the names of the question it answers
             for log in (METRICS, EPISODES):
-                if (record.path / log).exists():
-                    (copy / packed_name(log)).write_bytes(pack_log(record.path / log))
+                if (content := log_bytes(record.path / log)) is not None:
+                    (copy / packed_name(log)).write_bytes(pack(content))
             if with_policy and (record.path / POLICY).exists():
                 shutil.copyfile(record.path / POLICY, copy / POLICY)
             if target.exists():
