@@ -41,7 +41,7 @@ def read_log(path: Path) -> list[dict[str, Any]]:
 
 
 def pack(content: bytes) -> bytes:
-    """A log, packed: no time and no name go in, so publishing again changes nothing."""
+    """A log, packed without time or name: the same bytes again with the same Python and zlib."""
     return gzip.compress(content, compresslevel=9, mtime=0)
 
 
