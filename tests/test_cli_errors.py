@@ -22,7 +22,7 @@ BAD_INPUT = [
     (["ablate", "QUESTION", "--set", "algorithm.rate=1.5"], "between 0 and 1"),
     (["ablate", "QUESTION", "--seeds", "0"], "expected 1 to 1000 seeds"),
     (["ablate", "QUESTION", "--workers", "0"], "--workers: expected 1 to 256"),
-    (["ablate", "QUESTION", "--workers", "many"], "--workers"),
+    (["ablate", "QUESTION", "--workers", "many"], "many"),
     (["ablate", "QUESTION", "--device", "gpu"], "--device: 'gpu' is unknown"),
     (["ablate", "QUESTION", "--frobnicate"], "--frobnicate"),
     (["train", "--env", "pursuit-n7"], "did you mean 'pursuit-n"),

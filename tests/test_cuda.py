@@ -18,7 +18,7 @@ from msgdrop_cli.engine.evaluation import evaluate
 from msgdrop_cli.engine.graphs import CudaGraphs
 from msgdrop_cli.engine.randomness import Streams
 from msgdrop_cli.engine.run import train_cohort
-from msgdrop_cli.records.files import read_jsonl
+from msgdrop_cli.records.packed import read_log
 from msgdrop_cli.records.store import METRICS, POLICY
 from msgdrop_envs import autoreset, registry
 from tests.chunk_runs import CASES, begun, chunked, counters, everything, small_runs, stepped
@@ -34,7 +34,7 @@ AT_RANDOM: dict[str, Any] = {"epsilon_final": 1.0, "train_env_steps": 1_600}
 
 def _rows(path: Path) -> list[dict[str, float]]:
     """The log, without times."""
-    rows: list[dict[str, float]] = read_jsonl(path / METRICS)
+    rows: list[dict[str, float]] = read_log(path / METRICS)
     return [{k: v for k, v in row.items() if k != "wall_time_s"} for row in rows]
 
 

@@ -15,10 +15,10 @@ from msgdrop_cli.records.files import (
     append_jsonl,
     cut_jsonl,
     read_json,
-    read_jsonl,
     run_lock,
     write_json_atomic,
 )
+from msgdrop_cli.records.packed import read_log
 
 
 def full_disk(*_: Any) -> int:
@@ -61,7 +61,7 @@ def test_rows_are_appended(tmp_path: Path) -> None:
     """One row and several rows, in order."""
     append_jsonl(tmp_path / "a.jsonl", {"x": 1})
     append_jsonl(tmp_path / "a.jsonl", {"x": 2}, {"x": 3})
-    assert read_jsonl(tmp_path / "a.jsonl") == [{"x": 1}, {"x": 2}, {"x": 3}]
+    assert read_log(tmp_path / "a.jsonl") == [{"x": 1}, {"x": 2}, {"x": 3}]
 
 
 def test_numbers_of_64_bits_are_read(tmp_path: Path) -> None:
@@ -87,7 +87,7 @@ def test_a_write_that_the_disk_cuts_short_leaves_no_part(
 def test_a_torn_last_line_is_left_out(tmp_path: Path) -> None:
     """What a crash cut off in the middle was never logged."""
     (tmp_path / "a.jsonl").write_text('{"x": 1}\n{"x": 2')
-    assert read_jsonl(tmp_path / "a.jsonl") == [{"x": 1}]
+    assert read_log(tmp_path / "a.jsonl") == [{"x": 1}]
 
 
 @pytest.mark.parametrize(
@@ -102,7 +102,7 @@ def test_any_other_damage_names_file_and_line(tmp_path: Path, line: str) -> None
     path = tmp_path / "a.jsonl"
     path.write_text(f'{{"x": 1}}\n{line}\n{{"x": 3}}\n')
     with pytest.raises(RecordError, match=r"a\.jsonl: line 2: ") as caught:
-        read_jsonl(path)
+        read_log(path)
     assert str(caught.value).isprintable()
 
 

@@ -17,7 +17,7 @@ from msgdrop_cli.definition.run_id import run_id, spec_from_dict
 from msgdrop_cli.definition.spec import RunSpec
 from msgdrop_cli.errors import DefinitionError, RecordError
 from msgdrop_cli.records.archive import install, unpack
-from msgdrop_cli.records.files import CANNOT_CREATE
+from msgdrop_cli.records.files import CANNOT_CREATE, read_bytes
 from msgdrop_cli.records.packed import log_bytes
 from msgdrop_cli.records.store import EPISODES, METRICS, POLICY, RUN, RUNS, RunRecord, find_run
 
@@ -160,11 +160,13 @@ def _installed(run: _Found) -> _Found:
 
 def _is_same(record: RunRecord, other: RunRecord) -> bool:
     """Whether `other` is this run; it may have been evaluated further."""
-    files = ((record.path / name, other.path / name) for name in (METRICS, POLICY))
+    policy = other.path / POLICY
     evaluated = set(map(dumps, other.episodes()))
     return (
         record.run == other.run
-        and all(log_bytes(ours) == log_bytes(theirs) for ours, theirs in files)
+        and log_bytes(record.path / METRICS) == log_bytes(other.path / METRICS)
+        and policy.is_file()
+        and read_bytes(record.path / POLICY) == read_bytes(policy)
         and evaluated.issuperset(map(dumps, record.episodes()))
     )
 

@@ -117,16 +117,11 @@ def read_json(path: Path) -> Any:
     return parse_json(read_bytes(path), str(path))
 
 
-def read_jsonl(path: Path) -> list[dict[str, Any]]:
+def parse_jsonl(content: bytes, place: str) -> list[dict[str, Any]]:
     """The rows of a log. A last line without its end was torn by a crash and is left out.
 
-    Raises RecordError, naming file and line, for every other damage.
+    Raises RecordError, naming `place` and the line, for every other damage.
     """
-    return parse_jsonl(read_bytes(path), str(path))
-
-
-def parse_jsonl(content: bytes, place: str) -> list[dict[str, Any]]:
-    """The rows in `content`, as `read_jsonl`; `place` begins the error's line."""
     rows = []
     for number, line in enumerate(_whole_lines(content), start=1):
         row = parse_json(line, f"{place}: line {number}")

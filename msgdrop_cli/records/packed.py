@@ -35,7 +35,10 @@ def log_bytes(path: Path) -> bytes | None:
 
 
 def read_log(path: Path) -> list[dict[str, Any]]:
-    """The rows of a log, none if there is no such log. Raises RecordError if it is damaged."""
+    """The rows of a log, none if there is no such log; a torn last line is left out.
+
+    Raises RecordError, naming file and line, for every other damage.
+    """
     content = log_bytes(path)
     return [] if content is None else parse_jsonl(content, str(log_file(path)))
 
@@ -47,13 +50,13 @@ def pack(content: bytes) -> bytes:
 
 def _unpacked(path: Path) -> bytes:
     packed = read_bytes(path)
+    if not packed:  # to gzip that is no damage
+        raise RecordError(one_line(f"{path}: is damaged: it is empty"))
     try:
         with gzip.open(BytesIO(packed)) as file:
             content = file.read(LARGEST_FILE + 1)
     except (OSError, EOFError, zlib.error) as error:
         raise RecordError(one_line(f"{path}: is damaged: {error}")) from error
-    if not packed:
-        raise RecordError(one_line(f"{path}: is damaged: it is empty"))
     if len(content) > LARGEST_FILE:
         raise RecordError(one_line(f"{path}: is not a record of msgdrop"))
     return content
