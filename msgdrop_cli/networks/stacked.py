@@ -98,7 +98,7 @@ def dense(layer: Dense, inputs: Tensor | Apart) -> Tensor:
     """Inputs [G, B, in] times weight plus bias: [G, B, out]."""
     if not isinstance(inputs, Tensor):
         return inputs.times(*layer)
-    if layer.weight.shape[-1] == 1:  # the matrix library rounds one column otherwise if G is 1
+    if layer.weight.shape[-1] == 1:  # one column: see `dense_backward`
         return (inputs * layer.weight.mT).sum(-1, keepdim=True) + layer.bias
     return torch.baddbmm(layer.bias, inputs, layer.weight)
 
@@ -106,13 +106,18 @@ def dense(layer: Dense, inputs: Tensor | Apart) -> Tensor:
 def dense_backward(gradient: Dense, inputs: Tensor | Apart, grad_output: Tensor) -> None:
     """Write dL/dweight and dL/dbias into `gradient`.
 
-    grad_output: [G, rows, out], for the first rows of the inputs [G, B, in].
+    grad_output: [G, rows, out], for the first rows of the inputs [G, B, in]. A product with one
+    column is no business of the matrix library: it takes a matrix-vector routine if G is 1, and
+    on some processors that one adds up in another order (test_products).
     """
     torch.sum(grad_output, 1, keepdim=True, out=gradient.bias)
     if not isinstance(inputs, Tensor):
         inputs.gradient(grad_output, out=gradient.weight)
+        return
+    rows = inputs[:, : grad_output.shape[1]]
+    if grad_output.shape[-1] == 1:
+        torch.sum(rows * grad_output, 1, out=gradient.weight.squeeze(-1))
     else:
-        rows = inputs[:, : grad_output.shape[1]]
         torch.bmm(rows.mT, grad_output, out=gradient.weight)
 
 
