@@ -9,6 +9,7 @@ import pytest
 import torch
 from torch import Tensor
 
+from msgdrop_cli.algorithms.dcc import DCC
 from msgdrop_cli.algorithms.registry import learner_class, learners
 from msgdrop_cli.definition.spec import RunSpec, TrainingSpec
 from msgdrop_cli.engine.catalogue import catalogue
@@ -135,6 +136,48 @@ def test_updates_move_finite_weights(learner: str, name: str, environment: str) 
     [row] = training.learner.metrics(training.env_steps)
     assert all(value is not None for value in row.values())
     assert torch.tensor([value or 0.0 for value in row.values()]).isfinite().all()
+
+
+@pytest.mark.parametrize(("learner", "name", "environment"), CASES)
+def test_what_computes_the_rule_is_the_rule(
+    learner: str, name: str, environment: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A kernel's first update is the one that the learner's own file says, up to rounding.
+
+    A learner whose rule is not reached, because another's kernel computes, fails here.
+    """
+    fast = _updated(learner, name, environment).learner
+    with monkeypatch.context() as patch:
+        for module in LEARNERS.values():
+            patch.setattr(module, "library", lambda *_: None, raising=False)
+        written = _updated(learner, name, environment).learner
+    # 1e-3: Adam's first step is the learning rate times the gradient's sign, which may flip at 0.
+    expected = written.tensors(0)
+    for key, view in fast.tensors(0).items():
+        moved = "online" in key or "exp_avg" in key
+        torch.testing.assert_close(view, expected[key], rtol=1e-3, atol=1e-6 if moved else 1e-5)
+
+
+class Stubborn(DCC):
+    """A rule of somebody's own: nothing is ever learnt."""
+
+    def _minimise(self, batch: Any, factor: Tensor) -> tuple[Tensor, Tensor]:
+        size = self.config.batch_size
+        return torch.zeros(6, size), torch.zeros(6, 2 * size, 5)
+
+
+def test_a_subclass_of_a_learner_computes_its_own_rule() -> None:
+    """DCC's kernel computes DCC's rule, so it serves no subclass."""
+    config, env = _config("dcc", "dcc-md", "pursuit-n6"), registry.make("pursuit-n6")
+    assert Stubborn.kernel(config, env, "cpu") == "torch"
+    made = Stubborn([config], env)
+    made.initialise(rand(1, made.init_uniforms, seed=1))
+    before = made.online.flat.clone()
+    training = _training("dcc", "dcc-md", "pursuit-n6")
+    while not training.updates_due():
+        training.advance()
+    made.update(training.sample(), rand(1, made.update_uniforms, seed=2))
+    assert torch.equal(made.online.flat, before)
 
 
 def _copied(views: Any) -> dict[str, Tensor]:

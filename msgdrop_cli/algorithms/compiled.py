@@ -63,7 +63,9 @@ def library(
 class Compiled:
     """The C functions for one learner's weights and moments, which stay where they are."""
 
-    def __init__(self, functions: CDLL, learner: "DCC", env: Environment) -> None:
+    def __init__(self, learner: "DCC", env: Environment) -> None:
+        functions = load(SOURCE)
+        assert functions is not None
         self._functions, self._config = functions, learner.config
         functions.scratch_bytes.restype = c_int64
         self._shown = learner.shown_agents

@@ -55,7 +55,9 @@ def library(config: "Config", env: Environment, device: torch.device | str) -> C
 class Compiled:
     """The C functions for one learner's weights and moments, which stay where they are."""
 
-    def __init__(self, functions: CDLL, learner: "MADDPG", env: Environment) -> None:
+    def __init__(self, learner: "MADDPG", env: Environment) -> None:
+        functions = load(SOURCE)
+        assert functions is not None
         self._functions, self._config = functions, learner.config
         functions.scratch_bytes.restype = c_int64
         runs, size = learner.actors.online.networks, learner.config.batch_size

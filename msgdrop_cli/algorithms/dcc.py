@@ -136,8 +136,8 @@ class DCC:
 
         senders, size = self.network.hears, config.batch_size
         self.shown_agents = shown_agents(self._agents, senders, device)
-        c = library(self.network, env, config.max_gradient_norm, device)
-        self._compiled = None if c is None else Compiled(c, self, env)
+        compiled = self.kernel(config, env, device) == NAME
+        self._compiled = Compiled(self, env) if compiled else None
         self.rate = torch.tensor([c.rate for c in configs], device=device)  # [R]
         scale = execution_scale(self.rate, senders, drops_own=config.drops_own)
         self._scale = scale.repeat_interleave(self._agents, 0)[:, None]  # [G, 1, 1+S, 1]
@@ -153,11 +153,11 @@ class DCC:
         self._sums = torch.zeros(2, self._runs, device=device)
         self._summed = 0
 
-    @staticmethod
-    def kernel(config: Config, env: Environment, device: torch.device | str) -> str:
-        """What a learner of these settings computes with: `compiled.py` or torch."""
+    @classmethod
+    def kernel(cls, config: Config, env: Environment, device: torch.device | str) -> str:
+        """What it computes with: `compiled.py`, which knows no subclass's rule, or torch."""
         c = library(_network(config, env), env, config.max_gradient_norm, device)
-        return "torch" if c is None else NAME
+        return NAME if c is not None and cls is DCC else "torch"
 
     def initialise(self, uniforms: Tensor) -> None:
         """Initialise theta and theta-minus alike (algorithm 1); uniforms [R, init_uniforms]."""

@@ -124,8 +124,8 @@ class MADDPG:
         settings = (config.learning_rate, config.max_gradient_norm, config.tau)
         self.actors = SoftTarget(self.actor.layers, self._networks, *settings, device)
         self.critics = SoftTarget(self.critic.layers, self._networks, *settings, device)
-        c = library(config, env, device)
-        self._compiled = None if c is None else Compiled(c, self, env)
+        compiled = self.kernel(config, env, device) == NAME
+        self._compiled = Compiled(self, env) if compiled else None
         self.updates = 0
 
         self._senders = senders = self.critic.hears
@@ -139,10 +139,10 @@ class MADDPG:
         self._sums = torch.zeros(2, self._runs, device=device)
         self._summed = 0
 
-    @staticmethod
-    def kernel(config: Config, env: Environment, device: torch.device | str) -> str:
-        """`compiled_maddpg.py`, or torch, with or without the zeros of the first layers."""
-        if library(config, env, device) is not None:
+    @classmethod
+    def kernel(cls, config: Config, env: Environment, device: torch.device | str) -> str:
+        """`compiled_maddpg.py`, which knows no subclass's rule, or torch, with or without zeros."""
+        if library(config, env, device) is not None and cls is MADDPG:
             return NAME
         return SPARSE if skips_zeros(device) else "torch"
 

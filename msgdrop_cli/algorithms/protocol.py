@@ -158,8 +158,8 @@ class LearnerFactory(Protocol):
     listens: bool
     """Whether trained agents hear each other when they act, so that broken links can matter."""
 
-    @staticmethod
-    def kernel(config: Any, env: Any, device: Any) -> str:
+    @classmethod
+    def kernel(cls, config: Any, env: Any, device: Any) -> str:
         """The name of what such a learner computes with: equal names, equal bits."""
 
     def __call__(self, configs: Sequence[Any], env: Any, device: Any) -> Learner:

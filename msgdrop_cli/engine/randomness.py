@@ -40,7 +40,11 @@ class Streams:
         return ((self._draw(name, shape) >> 8) * 2.0**-24).view(len(self._seeds), *shape)
 
     def integers(self, name: Name, below: int | Tensor, *shape: int) -> Tensor:
-        """The next integers, uniform on 0 to below - 1 (below < 2^31): [R, *shape] int64."""
+        """The next integers on 0 to below - 1 (below < 2^31): [R, *shape] int64.
+
+        Of 2^32 draws some integers get one more than others: their probabilities differ by
+        below / 2^32, so 4.7e-5 of themselves where one of 200,000 is drawn.
+        """
         return ((self._draw(name, shape) * below) >> 32).view(len(self._seeds), *shape)
 
     def load(self, name: str, count: int) -> None:
