@@ -11,9 +11,9 @@ from torch import Tensor
 
 from msgdrop_cli.algorithms.compiled import NAME, SOURCE
 from msgdrop_cli.algorithms.dcc import DCC, Config
-from msgdrop_cli.algorithms.protocol import Batch
 from msgdrop_cli.networks.kernel import load
 from msgdrop_cli.networks.stacked import initialise
+from msgdrop_cli.ops.minibatch import Batch
 
 AGENTS, OBSERVATION, ACTIONS = 3, 7, 5
 KERNELS = (NAME, "torch")

@@ -8,7 +8,7 @@ import torch
 from torch import Tensor
 
 from msgdrop_cli.algorithms.maddpg import MADDPG, Config
-from msgdrop_cli.algorithms.protocol import Batch
+from msgdrop_cli.ops.minibatch import Batch
 from tests.dcc_samples import rand
 
 AGENTS, OBSERVATION, ACTION, SIZE = 3, 7, 2, 5

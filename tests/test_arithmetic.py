@@ -18,6 +18,7 @@ from tests.dcc_samples import (
     small_config,
     use_kernel,
 )
+from tests.minibatches import in_memory
 from tests.runs import planned
 
 SMALLEST = torch.finfo(torch.float32).tiny
@@ -33,7 +34,9 @@ def _learnt(*, flush: bool) -> tuple[Tensor, Tensor]:
         moment.fill_(FADED)
     with arithmetic.settled() if flush else nullcontext():
         for step in range(10):
-            learner.update(make_batch(learner, seed=step), mask_uniforms(learner, 1, step))
+            learner.update(
+                in_memory(make_batch(learner, seed=step)), mask_uniforms(learner, 1, step)
+            )
     return learner.online.flat, torch.cat([moment.flatten() for moment in moments])
 
 

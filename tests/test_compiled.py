@@ -11,12 +11,13 @@ from torch import Tensor
 
 from msgdrop_cli.algorithms.compiled import NAME, SOURCE
 from msgdrop_cli.algorithms.dcc import DCC, Config
-from msgdrop_cli.algorithms.protocol import Drawn
 from msgdrop_cli.algorithms.registry import learner_class
 from msgdrop_cli.engine.facts import kernel_name
 from msgdrop_cli.networks.kernel import load
+from msgdrop_cli.ops.minibatch import Minibatch
 from msgdrop_envs import registry
 from tests.dcc_samples import integers, mask_uniforms, rand, use_kernel
+from tests.minibatches import in_memory
 from tests.runs import planned
 
 pytestmark = pytest.mark.skipif(
@@ -66,10 +67,10 @@ def _observations(dtype: torch.dtype, *shape: int, seed: int) -> Tensor:
     return counts.to(dtype)
 
 
-def _drawn(learner: DCC, dtype: torch.dtype, seed: int) -> Drawn:
+def _drawn(learner: DCC, dtype: torch.dtype, seed: int) -> Minibatch:
     """From memories with more rows of observations than of the rest; some rows are drawn twice."""
     runs = learner.online.networks // AGENTS
-    return Drawn(
+    return Minibatch(
         obs=_observations(dtype, runs, ROWS + 7, AGENTS, OBSERVATION, seed=seed),
         next_row=integers(ROWS + 7, runs, ROWS, seed=seed + 1).int(),
         action=integers(5, runs, ROWS, AGENTS, seed=seed + 2).to(torch.uint8),
@@ -125,7 +126,7 @@ def test_a_copy_of_the_observations_gives_the_same_bits(dtype: torch.dtype) -> N
         learner.initialise(rand(1, learner.init_uniforms, seed=1))
     batch = _drawn(one, dtype, 3)
     one.update(batch, mask_uniforms(one))
-    other.update(batch.batch(), mask_uniforms(one))
+    other.update(in_memory(batch.copied()), mask_uniforms(one))
     assert torch.equal(one.online.flat, other.online.flat)
 
 

@@ -9,13 +9,14 @@ import torch
 
 from msgdrop_cli.algorithms.compiled_maddpg import NAME, SOURCE
 from msgdrop_cli.algorithms.maddpg import MADDPG, Config
-from msgdrop_cli.algorithms.protocol import Drawn
 from msgdrop_cli.algorithms.registry import learner_class
 from msgdrop_cli.engine.facts import kernel_name
 from msgdrop_cli.networks.kernel import load
+from msgdrop_cli.ops.minibatch import Minibatch
 from msgdrop_envs import registry
 from tests.dcc_samples import integers, rand
 from tests.maddpg_samples import mask_uniforms, torch_only
+from tests.minibatches import in_memory
 from tests.runs import planned
 
 pytestmark = pytest.mark.skipif(
@@ -62,10 +63,10 @@ def _pair(monkeypatch: pytest.MonkeyPatch, **changes: Any) -> tuple[MADDPG, MADD
     return ours, oracle
 
 
-def _drawn(runs: int, seed: int) -> Drawn:
+def _drawn(runs: int, seed: int) -> Minibatch:
     """From memories with more rows of observations, mostly zeros; some rows are drawn twice."""
     obs = 2.0 * rand(runs, ROWS + 7, AGENTS, OBSERVATION, seed=seed) - 1.0
-    return Drawn(
+    return Minibatch(
         obs=obs * (rand(*obs.shape, seed=seed + 1) < 0.15),
         next_row=integers(ROWS + 7, runs, ROWS, seed=seed + 2).int(),
         action=2.0 * rand(runs, ROWS, AGENTS, ACTION, seed=seed + 3) - 1.0,
@@ -111,7 +112,7 @@ def test_a_copy_of_the_observations_gives_the_same_bits() -> None:
     one, other = _learner(0.3), _learner(0.3)
     drawn = _drawn(1, 3)
     one.update(drawn, mask_uniforms(one))
-    other.update(drawn.batch(), mask_uniforms(one))
+    other.update(in_memory(drawn.copied()), mask_uniforms(one))
     assert torch.equal(one.critics.online.flat, other.critics.online.flat)
     assert torch.equal(one.actors.online.flat, other.actors.online.flat)
 

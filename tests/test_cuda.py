@@ -5,6 +5,7 @@ can change no action: so most runs here play at random (epsilon 1), and learn fr
 """
 
 import dataclasses
+from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +13,6 @@ import pytest
 import torch
 from torch import Tensor
 
-from msgdrop_cli.algorithms.protocol import Drawn
 from msgdrop_cli.definition.spec import PlannedRun
 from msgdrop_cli.engine.evaluation import evaluate
 from msgdrop_cli.engine.graphs import CudaGraphs
@@ -114,11 +114,11 @@ def test_an_update_is_the_same(case: str) -> None:
         for name, tensor in cpu.learner.tensors(run).items():
             views[name].copy_(tensor)
     drawn = cpu.sample()
-    batch = drawn.batch() if isinstance(drawn, Drawn) else drawn
     uniforms = cpu.streams.uniforms("dropout", cpu.learner.update_uniforms)
     with torch.no_grad():
-        cpu.learner.update(batch, uniforms)
-        there = type(batch)(*(part.cuda() for part in batch))
+        cpu.learner.update(drawn, uniforms)
+        parts = {field.name: getattr(drawn, field.name) for field in fields(drawn)}
+        there = type(drawn)(**{name: part.cuda() for name, part in parts.items()})
         gpu.learner.update(there, uniforms.cuda())
     rate: float = runs[0].spec.algorithm_config.learning_rate
     for name, expected in cpu.learner.tensors(1).items():

@@ -24,6 +24,7 @@ from tests.dcc_samples import (
     use_kernel,
     weights_of,
 )
+from tests.minibatches import in_memory
 
 
 def _q(weights: dict[str, Array], own: Array, messages: Array, message_scale: float = 1) -> Array:
@@ -56,7 +57,7 @@ def test_target_is_the_papers_equation(
     batch, uniforms = make_batch(learner), mask_uniforms(learner)
     online = [weights_of(learner, "online", i) for i in range(AGENTS)]
     target = [weights_of(learner, "target", i) for i in range(AGENTS)]
-    learner.update(batch, uniforms)
+    learner.update(in_memory(batch), uniforms)
     obs, reward = batch.obs.double().numpy(), batch.reward.double().numpy()
     b = (uniforms.double().numpy() >= np.float32(rate)).reshape(AGENTS, 5, 2, 1)  # 0: dropped
     for i in range(AGENTS):
@@ -128,7 +129,7 @@ def test_target_network_is_copied_every_period_of_updates() -> None:
     assert torch.equal(learner.target.flat, learner.online.flat)
     last = learner.online.flat.clone()
     for update in range(1, 8):
-        learner.update(make_batch(learner, update), mask_uniforms(learner, seed=update))
+        learner.update(in_memory(make_batch(learner, update)), mask_uniforms(learner, seed=update))
         last = learner.online.flat.clone() if update % 3 == 0 else last
         assert torch.equal(learner.target.flat, last)
         assert torch.equal(learner.target.flat, learner.online.flat) == (update % 3 == 0)
@@ -146,7 +147,7 @@ def test_metrics_are_means_since_the_last_call(
     for step in range(2):
         for moment in learner.adam.moments.values():
             moment.flat.zero_()
-        learner.update(make_batch(learner, step), mask_uniforms(learner, 2, step))
+        learner.update(in_memory(make_batch(learner, step)), mask_uniforms(learner, 2, step))
         per_network = first_gradient(learner, "h2")  # 2 / B * error, one sample a place
         losses.append((per_network * 5 / 2).square().view(2, -1).mean(1))
     found = [row["loss"] for row in learner.metrics(0)]
@@ -159,16 +160,18 @@ def test_tensors_and_progress_are_the_whole_state() -> None:
     """A new learner given every run's tensors and the counters goes on bit for bit."""
     configs = [small_config(rate=r, target_update_every_updates=4) for r in (0.2, 0.5)]
     old, new = make_learner(*configs), make_learner(*configs, seed=99)
-    new.update(make_batch(new), mask_uniforms(new, 2))  # its buffers and moments must not matter
+    new.update(
+        in_memory(make_batch(new)), mask_uniforms(new, 2)
+    )  # its buffers and moments must not matter
     for step in range(3):
-        old.update(make_batch(old, step), mask_uniforms(old, 2, step))
+        old.update(in_memory(make_batch(old, step)), mask_uniforms(old, 2, step))
     for run in range(2):
         for name, view in old.tensors(run).items():
             new.tensors(run)[name].copy_(view)
     new.resume_at(*old.progress)
     for step in range(3, 6):
         for learner in (old, new):
-            learner.update(make_batch(old, step), mask_uniforms(old, 2, step))
+            learner.update(in_memory(make_batch(old, step)), mask_uniforms(old, 2, step))
     assert torch.equal(new.online.flat, old.online.flat)
     assert torch.equal(new.target.flat, old.target.flat)
     assert new.metrics(0) == old.metrics(0)

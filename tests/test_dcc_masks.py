@@ -1,6 +1,7 @@
 """Who is dropped, and what the networks are given."""
 
 import math
+from dataclasses import replace
 from itertools import combinations
 from typing import Any
 
@@ -9,8 +10,8 @@ import torch
 from torch import Tensor
 
 from msgdrop_cli.algorithms.dcc import DCC, NAMED
-from msgdrop_cli.algorithms.protocol import Drawn
 from msgdrop_cli.engine.training import Training
+from msgdrop_cli.ops.minibatch import Minibatch
 from tests.dcc_samples import (
     AGENTS,
     OBSERVATION,
@@ -21,6 +22,7 @@ from tests.dcc_samples import (
     small_config,
     use_kernel,
 )
+from tests.minibatches import in_memory
 from tests.runs import planned
 
 
@@ -52,7 +54,8 @@ def _given(learner: DCC, monkeypatch: pytest.MonkeyPatch) -> list[Tensor]:
     given = _recorded(learner, monkeypatch)
     runs = learner.online.networks // AGENTS
     batch = make_batch(learner)
-    learner.update(batch._replace(obs=torch.ones_like(batch.obs)), mask_uniforms(learner, runs))
+    ones = batch._replace(obs=torch.ones_like(batch.obs))
+    learner.update(in_memory(ones), mask_uniforms(learner, runs))
     both, after_masked = given
     shown = learner.shown_agents.shape[1]
     parts = [*both.split(learner.config.batch_size, 1), after_masked]
@@ -117,10 +120,9 @@ def test_every_update_draws_a_mask_of_its_own(
     unit = 147 if dropout == "element" else 1
     masks: list[Tensor] = []
 
-    def on_ones(drawn: Drawn, uniforms: Tensor) -> None:
+    def on_ones(minibatch: Minibatch, uniforms: Tensor) -> None:
         given.clear()  # what acting left behind
-        batch = drawn.batch()
-        update(batch._replace(obs=torch.ones_like(batch.obs)), uniforms)
+        update(replace(minibatch, obs=torch.ones_like(minibatch.obs)), uniforms)
         masks.append(given[1].view(6, 32, 6, 147)[:, :, 1:, :unit])  # m~' for the target network
 
     monkeypatch.setattr(learner, "update", on_ones)
@@ -144,10 +146,10 @@ def test_at_rate_1_messages_do_not_matter(network: str, dropout: str) -> None:
         assert torch.equal(one.q_exec(obs)[:, :, 0], one.q_exec(changed)[:, :, 0]) == (rate == 1)
         for seed in range(3):
             batch, uniforms = make_batch(one, seed), mask_uniforms(one, seed=seed)
-            one.update(batch, uniforms)
+            one.update(in_memory(batch), uniforms)
             swapped = batch.obs.clone()
             swapped[:, :, 1:] = 2 - swapped[:, :, 1:]
-            other.update(batch._replace(obs=swapped), uniforms)
+            other.update(in_memory(batch._replace(obs=swapped)), uniforms)
         assert torch.equal(one.online.flat, other.online.flat) == (rate == 1)
 
 

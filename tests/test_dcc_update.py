@@ -17,6 +17,7 @@ from tests.dcc_samples import (
     small_config,
     use_kernel,
 )
+from tests.minibatches import in_memory
 from tests.separate_networks import linears, separate
 
 
@@ -45,7 +46,7 @@ def test_update_equals_separate_modules_and_torchs_adam(
     width = OBSERVATION if learner.config.dropout == "element" else 1
     for step in range(3):
         batch, uniforms = make_batch(learner, step), mask_uniforms(learner, 2, step)
-        learner.update(batch, uniforms)
+        learner.update(in_memory(batch), uniforms)
         units = uniforms.view(2 * AGENTS, 5, shown if own else shown - 1, width)
         for n, (agent, target) in enumerate(zip(agents, targets, strict=True)):
             rate, obs = rates[n // AGENTS], batch.obs[n].float()

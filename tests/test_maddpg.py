@@ -7,7 +7,6 @@ import pytest
 import torch
 
 from msgdrop_cli.algorithms.maddpg import MADDPG, NAMED, Config
-from msgdrop_cli.algorithms.protocol import Batch
 from msgdrop_cli.definition.spec import PlannedRun
 from msgdrop_cli.engine.evaluation import evaluate
 from msgdrop_cli.engine.replay import Replay
@@ -16,6 +15,7 @@ from msgdrop_cli.engine.training import Training
 from msgdrop_cli.errors import DefinitionError
 from msgdrop_cli.networks.stacked import parameter_count
 from msgdrop_cli.ops.exploration import noisy_action, normals, random_action
+from msgdrop_cli.ops.minibatch import Batch
 from msgdrop_envs import registry
 from msgdrop_envs.protocol import Transition
 from tests.dcc_samples import rand
@@ -30,6 +30,7 @@ from tests.maddpg_samples import (
     mask_uniforms,
     small_config,
 )
+from tests.minibatches import in_memory
 from tests.runs import StopAt, digest, planned
 
 
@@ -61,7 +62,7 @@ def _after(config: Config, batches: int = 3, seed: int = 0) -> torch.Tensor:
     learner = make_learner(config)
     for step in range(batches):
         uniforms = mask_uniforms(learner, seed=seed + step)
-        learner.update(make_batch(seed=10 * step), uniforms)
+        learner.update(in_memory(make_batch(seed=10 * step)), uniforms)
     return everything(learner)
 
 
@@ -99,8 +100,8 @@ def test_critic_is_blind_to_masked_senders(
     learner = make_learner(small_config(**settings, rate=1.0, shares_parameters=False))
     other = make_learner(small_config(**settings, rate=1.0, shares_parameters=False))
     batch, uniforms = make_batch(), mask_uniforms(learner)
-    learner.update(batch, uniforms)
-    other.update(_changed(batch, part, 2), uniforms)
+    learner.update(in_memory(batch), uniforms)
+    other.update(in_memory(_changed(batch, part, 2)), uniforms)
     # Adam's first step is the sign of the gradient, so actors may move alike by chance.
     for half in ("critics", "actors") if blind else ("critics",):
         before, after = (
@@ -128,7 +129,7 @@ def test_one_mask_serves_x_and_next_x() -> None:
         return forward(weights, own, action, others)
 
     learner.critic.forward = spy  # type: ignore[method-assign, assignment]
-    learner.update(make_batch(), uniforms)
+    learner.update(in_memory(make_batch()), uniforms)
     assert len(calls) == 3  # the target's, the critic's, the policy gradient's
     for others in calls:
         seen, acted = others.split([(AGENTS - 1) * OBSERVATION, (AGENTS - 1) * ACTION], -1)
@@ -220,7 +221,7 @@ def test_replay_gathers_joint_transitions_of_numbers() -> None:
         transition = Transition(last, then[..., 0], torch.ones(2, 2), ended, {})
         replay.add(seen(t).expand(-1, -1, -1, 2) / 10, transition, then)
     drawn = torch.tensor([[0, 5, 11, 7], [3, 3, 10, 4]])
-    batch = replay.gather(replay.rows(drawn), torch.arange(AGENTS)[:, None]).batch()
+    batch = replay.gather(replay.rows(drawn), torch.arange(AGENTS)[:, None]).copied()
     assert batch.obs.shape == (2, 8, AGENTS, 1)
     step, game = 3 + drawn // 2, drawn % 2  # the oldest of six steps is the fourth
     run = torch.arange(2)[:, None]

@@ -8,9 +8,9 @@ import torch
 from torch import Tensor, nn
 
 from msgdrop_cli.algorithms.maddpg import MADDPG, Config
-from msgdrop_cli.algorithms.protocol import Batch
 from msgdrop_cli.networks.critic import ConcatCritic, FGHCritic
 from msgdrop_cli.networks.stacked import Stacked, initialise, parameter_count
+from msgdrop_cli.ops.minibatch import Batch
 from tests.dcc_samples import rand
 from tests.maddpg_samples import (
     ACTION,
@@ -22,6 +22,7 @@ from tests.maddpg_samples import (
     mask_uniforms,
     small_config,
 )
+from tests.minibatches import in_memory
 
 SENDERS = AGENTS - 1
 
@@ -161,7 +162,7 @@ def test_update_equals_separate_modules(changes: dict[str, Any], shared: bool) -
     plain = [PlainRun(learner, run, rate) for run, rate in enumerate(rates)]
     for step in range(3):
         batch, uniforms = make_batch(2, seed=10 * step), mask_uniforms(learner, 2, step)
-        learner.update(batch, uniforms)
+        learner.update(in_memory(batch), uniforms)
         for number, run in enumerate(plain):
             keep = torch.ones(AGENTS, SIZE, SENDERS)
             if learner.critic.hears:
@@ -181,7 +182,7 @@ def test_policy_gradient_equals_autograd(shared: bool) -> None:
     learner = make_learner(config)
     plain = PlainRun(learner, 0, 0.4)
     batch, uniforms = make_batch(), mask_uniforms(learner)
-    learner.update(batch, uniforms)
+    learner.update(in_memory(batch), uniforms)
     keep = (uniforms.view(AGENTS, SIZE, SENDERS) >= 0.4).float()
     plain.update(Batch(*(part[0] for part in batch)), keep)
     gradient = learner.actors.adam.gradient
@@ -224,7 +225,7 @@ def test_actors_move_every_second_time_and_first_with_the_first() -> None:
     moved = []
     for step in range(5):
         before = deepcopy(learner.actors.online.flat), deepcopy(learner.critics.online.flat)
-        learner.update(make_batch(seed=step), mask_uniforms(learner, seed=step))
+        learner.update(in_memory(make_batch(seed=step)), mask_uniforms(learner, seed=step))
         now = learner.actors.online.flat, learner.critics.online.flat
         moved.append(tuple(not torch.equal(a, b) for a, b in zip(before, now, strict=True)))
     assert moved == [(True, True), (False, True), (True, True), (False, True), (True, True)]

@@ -163,7 +163,7 @@ def test_memory_holds_what_was_seen_done_and_paid(monkeypatch: pytest.MonkeyPatc
         training.play(actions)
         newest = torch.arange(len(replay) - 8, len(replay)).expand(2, 6, 8)
         drawn = replay.gather(replay.rows(newest), training.learner.shown_agents)
-        batch = drawn.batch()
+        batch = drawn.copied()
         own, after = batch.obs[:, :, 0].view(2, 6, 16, -1).split(8, 2)
         assert torch.equal(own.transpose(1, 2), before)
         assert torch.equal(after.transpose(1, 2), steps[-1].obs)

@@ -12,10 +12,10 @@ from typing import TYPE_CHECKING
 import torch
 from torch import Tensor
 
-from msgdrop_cli.algorithms.protocol import Batch, Drawn
 from msgdrop_cli.networks.kernel import load
 from msgdrop_cli.networks.products import LANES, Adam, Layer, Numbers, adam, each, layers, structure
 from msgdrop_cli.networks.stacked import Network, Stacked
+from msgdrop_cli.ops.minibatch import Minibatch
 from msgdrop_envs.protocol import Environment
 
 if TYPE_CHECKING:
@@ -84,18 +84,17 @@ class Compiled:
         self._q = torch.zeros(learner.online.networks, 2 * size, actions)
         self._scratch: dict[int, Tensor] = {}
 
-    def minimise(self, batch: Batch | Drawn, factor: Tensor, step: int) -> tuple[Tensor, Tensor]:
+    def minimise(self, minibatch: Minibatch, factor: Tensor, step: int) -> tuple[Tensor, Tensor]:
         """Adam's `step`-th step, from 1; factor [G, 2B, 1+S, 1 or O].
 
         Returns the losses [G, B] and Q of the online networks [G, 2B, A], kept until the next call.
         """
-        drawn = batch if isinstance(batch, Drawn) else self._as_memory(batch)
         config = self._config
         rule = _Rule(config.gamma, config.loss == "huber", adam(config.learning_rate, step))
         self._functions.update(
             byref(self._net),
             byref(self._numbers),
-            byref(_memory(drawn)),
+            byref(_memory(minibatch)),
             byref(self._factor(factor)),
             byref(rule),
             c_int64(config.batch_size),
@@ -123,20 +122,6 @@ class Compiled:
         )
         return q
 
-    def _as_memory(self, batch: Batch) -> Drawn:
-        """A copied minibatch as memories of one agent each, which is shown all blocks."""
-        networks, size = batch.reward.shape
-        after = torch.arange(size, 2 * size, dtype=torch.int32).expand(networks, -1)
-        return Drawn(
-            obs=batch.obs.to(self._dtype).contiguous(),
-            next_row=after.contiguous(),
-            action=batch.action.to(torch.uint8)[..., None].contiguous(),
-            reward=batch.reward[..., None].contiguous(),
-            discount=batch.discount.contiguous(),
-            rows=torch.arange(size).expand(networks, 1, -1).contiguous(),
-            shown=self._in_order,
-        )
-
     def _factor(self, factor: Tensor) -> Structure:
         self._net.factors = factor.shape[-1]
         return _Factor(factor.data_ptr(), factor.stride(0), factor.stride(1))
@@ -149,12 +134,11 @@ class Compiled:
         return c_void_p(self._scratch[rows].data_ptr())
 
 
-def _memory(drawn: Drawn) -> Structure:
-    d = drawn
-    parts = (d.obs, d.next_row, d.action, d.reward, d.discount, d.rows, d.shown)
+def _memory(m: Minibatch) -> Structure:
+    parts = (m.obs, m.next_row, m.action, m.reward, m.discount, m.rows, m.shown)
     assert all(part.is_contiguous() for part in parts)
     pointers = (part.data_ptr() for part in parts)
-    return _Memory(*pointers, len(d.shown), d.obs.shape[2], d.obs.shape[1], d.discount.shape[1])
+    return _Memory(*pointers, len(m.shown), m.obs.shape[2], m.obs.shape[1], m.discount.shape[1])
 
 
 def _layers(weights: Stacked) -> list[Structure]:

@@ -12,10 +12,10 @@ from typing import TYPE_CHECKING
 import torch
 from torch import Tensor
 
-from msgdrop_cli.algorithms.protocol import Batch, Drawn
 from msgdrop_cli.algorithms.soft_target import SoftTarget
 from msgdrop_cli.networks.kernel import load
 from msgdrop_cli.networks.products import LANES, Adam, Layer, Numbers, adam, each, layers, structure
+from msgdrop_cli.ops.minibatch import Minibatch
 from msgdrop_envs.protocol import Environment
 
 if TYPE_CHECKING:
@@ -76,14 +76,13 @@ class Compiled:
         self._scratch = torch.empty(memory, dtype=torch.uint8)
 
     def improve(
-        self, batch: Batch | Drawn, keep: Tensor, critic_step: int, actor_step: int | None
+        self, minibatch: Minibatch, keep: Tensor, critic_step: int, actor_step: int | None
     ) -> tuple[Tensor, Tensor]:
         """Improve the critics, and the actors too unless their step is None.
 
         keep: [R, N, B, S, 1], the binary mask, contiguous; the steps are Adam's, from 1.
         Returns the losses and Q of the online critics, [R, B*N] each, kept until the next call.
         """
-        drawn = batch if isinstance(batch, Drawn) else _as_memory(batch)
         config = self._config
         rule = _Rule(
             *(config.gamma, config.tau, config.max_gradient_norm),
@@ -94,7 +93,7 @@ class Compiled:
             byref(self._net),
             byref(self._actors),
             byref(self._critics),
-            byref(_memory(drawn)),
+            byref(_memory(minibatch)),
             c_void_p(keep.data_ptr()),
             byref(rule),
             c_int64(config.batch_size),
@@ -121,26 +120,10 @@ class Compiled:
         return found
 
 
-def _memory(drawn: Drawn) -> Structure:
-    d = drawn
-    parts = (d.obs, d.next_row, d.action, d.reward, d.discount, d.rows)
+def _memory(m: Minibatch) -> Structure:
+    parts = (m.obs, m.next_row, m.action, m.reward, m.discount, m.rows)
     assert all(part.is_contiguous() for part in parts)
-    return _Memory(*(part.data_ptr() for part in parts), d.obs.shape[1], d.discount.shape[1])
-
-
-def _as_memory(batch: Batch) -> Drawn:
-    """A copied minibatch as memories of which every row is drawn."""
-    runs, size = batch.discount.shape
-    after = torch.arange(size, 2 * size, dtype=torch.int32)
-    return Drawn(
-        obs=batch.obs.contiguous(),
-        next_row=after.expand(runs, -1).contiguous(),
-        action=batch.action.contiguous(),
-        reward=batch.reward.contiguous(),
-        discount=batch.discount.contiguous(),
-        rows=torch.arange(size).expand(runs, -1).contiguous(),
-        shown=torch.arange(batch.reward.shape[2])[:, None],
-    )
+    return _Memory(*(part.data_ptr() for part in parts), m.obs.shape[1], m.discount.shape[1])
 
 
 def _numbers(half: SoftTarget) -> Structure:

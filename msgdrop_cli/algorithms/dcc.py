@@ -22,7 +22,6 @@ from torch import Tensor
 from msgdrop_cli.algorithms.adam import Adam
 from msgdrop_cli.algorithms.cohort import check_ranges, shared_config, shown_agents
 from msgdrop_cli.algorithms.compiled import NAME, Compiled, library
-from msgdrop_cli.algorithms.protocol import Batch, Drawn
 from msgdrop_cli.errors import DefinitionError
 from msgdrop_cli.networks.fgh import FGH
 from msgdrop_cli.networks.inputs import masked_input
@@ -30,6 +29,7 @@ from msgdrop_cli.networks.perceptron import Perceptron
 from msgdrop_cli.networks.stacked import Network, Stacked, initialise, parameter_count
 from msgdrop_cli.ops.exploration import annealed_epsilon, epsilon_greedy
 from msgdrop_cli.ops.message_dropout import execution_scale, keep_mask
+from msgdrop_cli.ops.minibatch import Batch, Minibatch
 from msgdrop_cli.ops.td import double_q_target, loss_gradient
 from msgdrop_envs.protocol import Environment
 
@@ -202,16 +202,16 @@ class DCC:
             q, _ = self.network.forward(self.online, masked_input(shown, factor))
         return q.view(runs, self._agents, games, -1).transpose(1, 2)
 
-    def update(self, batch: Batch | Drawn, uniforms: Tensor) -> None:
+    def update(self, minibatch: Minibatch, uniforms: Tensor) -> None:
         """Minimise the loss of DCC-MD once (label eq:5), every agent on its own minibatch.
 
         uniforms: [R, update_uniforms], for the binary mask.
         """
         factor = self._with_binary_mask(uniforms)  # [G, 2B, 1+S, 1 or O]
         if self._compiled is not None:  # the same up to rounding
-            loss, q = self._compiled.minimise(batch, factor, self.updates + 1)
+            loss, q = self._compiled.minimise(minibatch, factor, self.updates + 1)
         else:
-            loss, q = self._minimise(batch.batch() if isinstance(batch, Drawn) else batch, factor)
+            loss, q = self._minimise(minibatch.copied(), factor)
         if self.does_more(self.updates):
             self.target.flat.copy_(self.online.flat)
         self.updates += 1

@@ -22,7 +22,6 @@ from torch import Tensor
 
 from msgdrop_cli.algorithms.cohort import check_ranges, shared_config, shown_agents
 from msgdrop_cli.algorithms.compiled_maddpg import NAME, Compiled, library
-from msgdrop_cli.algorithms.protocol import Batch, Drawn
 from msgdrop_cli.algorithms.soft_target import SoftTarget
 from msgdrop_cli.errors import DefinitionError
 from msgdrop_cli.networks.critic import critic_of
@@ -33,6 +32,7 @@ from msgdrop_cli.networks.sparse_rows import skips_zeros, sparse_rows
 from msgdrop_cli.networks.stacked import Stacked, parameter_count
 from msgdrop_cli.ops.exploration import noisy_action, random_action
 from msgdrop_cli.ops.message_dropout import apply_keep, keep_mask
+from msgdrop_cli.ops.minibatch import Batch, Minibatch
 from msgdrop_cli.ops.td import loss_gradient
 from msgdrop_envs.protocol import Environment
 
@@ -170,7 +170,7 @@ class MADDPG:
             return self._compiled.actions(obs)
         return self._mu(self.actors.online, obs)
 
-    def update(self, batch: Batch | Drawn, uniforms: Tensor) -> None:
+    def update(self, minibatch: Minibatch, uniforms: Tensor) -> None:
         """Improve the critic, and the actor if it is due, on one minibatch with one mask.
 
         uniforms: [R, update_uniforms], for the binary mask. The actor's first update comes with
@@ -181,10 +181,9 @@ class MADDPG:
         due, each = self.does_more(self.updates), self._critic_updates_each
         if self._compiled is not None:  # the same up to rounding
             steps = (self.updates + 1, self.updates // each + 1 if due else None)
-            loss, q = self._compiled.improve(batch, keep, *steps)
+            loss, q = self._compiled.improve(minibatch, keep, *steps)
         else:
-            copy = batch.batch() if isinstance(batch, Drawn) else batch
-            loss, q = self._improve(copy, keep.transpose(1, 2), due)
+            loss, q = self._improve(minibatch.copied(), keep.transpose(1, 2), due)
         self.updates += 1
         self._sums += torch.stack((loss, q)).view(2, self._runs, -1).mean(2)
         self._summed += 1

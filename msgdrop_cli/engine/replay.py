@@ -13,8 +13,8 @@ from collections.abc import Mapping
 import torch
 from torch import Tensor
 
-from msgdrop_cli.algorithms.protocol import Drawn
 from msgdrop_cli.engine import pages
+from msgdrop_cli.ops.minibatch import Minibatch
 from msgdrop_envs import waiting
 from msgdrop_envs.protocol import Transition
 
@@ -104,12 +104,12 @@ class Replay:
         oldest = gone.clamp(min=0) if isinstance(gone, Tensor) else max(gone, 0)
         return (drawn + oldest * self.games) % (self.slots * self.games)
 
-    def gather(self, rows: Tensor, shown: Tensor) -> Drawn:
+    def gather(self, rows: Tensor, shown: Tensor) -> Minibatch:
         """Minibatches that stay where they are.
 
         rows: [R, N, B], or [R, B] for all agents at once; shown: [N, 1+S], whom agent i is shown.
         """
-        return Drawn(
+        return Minibatch(
             obs=self.obs,
             next_row=self.next_row,
             action=self.action,

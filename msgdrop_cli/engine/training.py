@@ -9,11 +9,11 @@ from collections.abc import Mapping, Sequence
 import torch
 from torch import Tensor
 
-from msgdrop_cli.algorithms.protocol import Batch, Drawn
 from msgdrop_cli.algorithms.registry import learner_class
 from msgdrop_cli.definition.spec import RunSpec
 from msgdrop_cli.engine.randomness import Streams
 from msgdrop_cli.engine.replay import Replay
+from msgdrop_cli.ops.minibatch import Minibatch
 from msgdrop_envs import autoreset, registry
 from msgdrop_envs.protocol import Metric
 
@@ -84,17 +84,17 @@ class Training:
         counts += [finished.float(), transition.ended.float(), returns]
         self.sums += torch.stack(counts).sum(-1)  # [counts + 3, R]
 
-    def sample(self) -> Batch | Drawn:
+    def sample(self) -> Minibatch:
         """Sample a minibatch for each agent from its memory (l. 215), or one for all (joint)."""
         size = self.learner.config.batch_size
         shape = (size,) if self.learner.joint else (self.env.agents, size)
         rows = self.replay.rows(self.streams.integers("replay", self.replay.held, *shape))
         return self.replay.gather(rows, self.learner.shown_agents)
 
-    def learn(self, batch: Batch | Drawn) -> None:
+    def learn(self, minibatch: Minibatch) -> None:
         """Generate the binary mask and update every agent's network (l. 217-219)."""
         uniforms = self.streams.uniforms("dropout", self.learner.update_uniforms)
-        self.learner.update(batch, uniforms)
+        self.learner.update(minibatch, uniforms)
 
     def window(self, env_steps: int) -> list[dict[str, float | None]]:
         """Each run's metrics over the `env_steps` since the last call; None where nothing was."""
