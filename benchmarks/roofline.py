@@ -30,7 +30,7 @@ from benchmarks.plain.stopwatch import PARTS
 from benchmarks.updates import CASES, learning_ms, parameters, shares, update_cost, update_ms
 from msgdrop_cli.engine import arithmetic
 from msgdrop_cli.engine.training import Training
-from msgdrop_cli.networks.kernel import why_torch
+from msgdrop_cli.kernels.build import why_torch
 
 ASKED = {"pursuit-n6": 1.5, "pursuit-n8": 1.5, "navigation-n8": 2.0, "waterworld-n8": 2.0}
 """Times the floor that an update should take at most."""

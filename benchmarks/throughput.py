@@ -25,7 +25,7 @@ from benchmarks.plain import measure as plain
 from benchmarks.plain.stopwatch import PARTS
 from msgdrop_cli.engine import arithmetic
 from msgdrop_cli.engine.evaluation import evaluate
-from msgdrop_cli.networks.kernel import why_torch
+from msgdrop_cli.kernels.build import why_torch
 from msgdrop_envs import autoreset, registry
 
 PUBLISHED = Path(__file__).parents[1] / "results" / "published"

@@ -9,9 +9,9 @@ import pytest
 import torch
 from torch import Tensor
 
-from msgdrop_cli.algorithms.compiled import NAME, SOURCE
 from msgdrop_cli.algorithms.dcc import DCC, Config
-from msgdrop_cli.networks.kernel import load
+from msgdrop_cli.kernels.build import library
+from msgdrop_cli.kernels.dcc import NAME
 from msgdrop_cli.networks.stacked import initialise
 from msgdrop_cli.ops.minibatch import Batch
 
@@ -81,8 +81,7 @@ def first_gradient(learner: DCC, layer: str) -> Tensor:
 
 def use_kernel(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """Make learners compute in C or in torch; skips the test where there is no C."""
-    if name == NAME and load(SOURCE) is None:
+    if name == NAME and library() is None:
         pytest.skip("no C compiler, or MSGDROP_KERNEL=torch")
     if name == "torch":
-        for learner in ("compiled", "compiled_maddpg"):
-            monkeypatch.setattr(f"msgdrop_cli.algorithms.{learner}.load", lambda _: None)
+        monkeypatch.setattr("msgdrop_cli.kernels.build._loaded", lambda: "not wanted")

@@ -160,9 +160,8 @@ def test_tensors_and_progress_are_the_whole_state() -> None:
     """A new learner given every run's tensors and the counters goes on bit for bit."""
     configs = [small_config(rate=r, target_update_every_updates=4) for r in (0.2, 0.5)]
     old, new = make_learner(*configs), make_learner(*configs, seed=99)
-    new.update(
-        in_memory(make_batch(new)), mask_uniforms(new, 2)
-    )  # its buffers and moments must not matter
+    # Its buffers and moments must not matter.
+    new.update(in_memory(make_batch(new)), mask_uniforms(new, 2))
     for step in range(3):
         old.update(in_memory(make_batch(old, step)), mask_uniforms(old, 2, step))
     for run in range(2):

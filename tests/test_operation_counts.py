@@ -13,8 +13,8 @@ import torch
 from torch import Tensor
 from torch.utils._python_dispatch import TorchDispatchMode
 
-from msgdrop_cli.algorithms.compiled import NAME
 from msgdrop_cli.engine.training import Training
+from msgdrop_cli.kernels.dcc import NAME
 from tests.dcc_samples import use_kernel
 from tests.runs import planned
 

@@ -9,13 +9,12 @@ from torch import Tensor
 from msgdrop_cli.engine import randomness
 from msgdrop_cli.engine.randomness import (
     BLOCK,
-    SOURCE,
     Name,
     Streams,
     splitmix64,
     stream_key,
 )
-from msgdrop_cli.networks.kernel import load
+from msgdrop_cli.kernels.build import library
 
 PUBLISHED = (
     6457827717110365317,
@@ -67,11 +66,11 @@ def test_scalar_generator_gives_the_published_words() -> None:
 @pytest.mark.parametrize("first", [0, 3, 2**40])
 def test_c_and_torch_give_the_same_numbers(first: int, monkeypatch: pytest.MonkeyPatch) -> None:
     """Bit for bit, so that a run's kernel says nothing of its random numbers."""
-    if load(SOURCE) is None:
+    if library() is None:
         pytest.skip("no C compiler, or MSGDROP_KERNEL=torch")
     keys = torch.tensor([[stream_key(seed, "dropout") - 2**63] for seed in (1, 2, 3)])
     found = splitmix64(keys, first, 1001)
-    monkeypatch.setattr(randomness, "load", lambda _: None)
+    monkeypatch.setattr(randomness, "library", lambda: None)
     assert torch.equal(found, splitmix64(keys, first, 1001))
 
 

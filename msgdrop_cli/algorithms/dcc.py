@@ -21,8 +21,8 @@ from torch import Tensor
 
 from msgdrop_cli.algorithms.adam import Adam
 from msgdrop_cli.algorithms.cohort import check_ranges, shared_config, shown_agents
-from msgdrop_cli.algorithms.compiled import NAME, Compiled, library
 from msgdrop_cli.errors import DefinitionError
+from msgdrop_cli.kernels.dcc import NAME, DCCKernel, serves
 from msgdrop_cli.networks.fgh import FGH
 from msgdrop_cli.networks.inputs import masked_input
 from msgdrop_cli.networks.perceptron import Perceptron
@@ -137,7 +137,7 @@ class DCC:
         senders, size = self.network.hears, config.batch_size
         self.shown_agents = shown_agents(self._agents, senders, device)
         compiled = self.kernel(config, env, device) == NAME
-        self._compiled = Compiled(self, env) if compiled else None
+        self._kernel = self._compiled(env) if compiled else None
         self.rate = torch.tensor([c.rate for c in configs], device=device)  # [R]
         scale = execution_scale(self.rate, senders, drops_own=config.drops_own)
         self._scale = scale.repeat_interleave(self._agents, 0)[:, None]  # [G, 1, 1+S, 1]
@@ -155,9 +155,28 @@ class DCC:
 
     @classmethod
     def kernel(cls, config: Config, env: Environment, device: torch.device | str) -> str:
-        """What it computes with: `compiled.py`, which knows no subclass's rule, or torch."""
-        c = library(_network(config, env), env, config.max_gradient_norm, device)
-        return NAME if c is not None and cls is DCC else "torch"
+        """What it computes with: `kernels/dcc.c`, which knows no subclass's rule, or torch."""
+        known = cls is DCC and serves(
+            _network(config, env).layers,
+            observation=env.observation_size,
+            dtype=env.observation_dtype,
+            max_gradient_norm=config.max_gradient_norm,
+            device=device,
+        )
+        return NAME if known else "torch"
+
+    def _compiled(self, env: Environment) -> DCCKernel:
+        config = self.config
+        return DCCKernel(
+            self._parts(),
+            self.shown_agents,
+            observation=env.observation_size,
+            dtype=env.observation_dtype,
+            batch_size=config.batch_size,
+            learning_rate=config.learning_rate,
+            gamma=config.gamma,
+            huber=config.loss == "huber",
+        )
 
     def initialise(self, uniforms: Tensor) -> None:
         """Initialise theta and theta-minus alike (algorithm 1); uniforms [R, init_uniforms]."""
@@ -195,8 +214,8 @@ class DCC:
             arrives = keep[..., : self.network.hears].transpose(1, 2).flatten(0, 1)  # [G, E, S]
             factor = factor.clone()
             factor[:, :, 1:, 0] *= arrives
-        if self._compiled is not None:  # the same up to rounding
-            q = self._compiled.q_values(obs, factor)  # [G, E, A]
+        if self._kernel is not None:  # the same up to rounding
+            q = self._kernel.q_values(obs, factor)  # [G, E, A]
         else:
             shown = obs[:, :, self.shown_agents].transpose(1, 2).flatten(0, 1)  # [G, E, 1+S, O]
             q, _ = self.network.forward(self.online, masked_input(shown, factor))
@@ -208,8 +227,8 @@ class DCC:
         uniforms: [R, update_uniforms], for the binary mask.
         """
         factor = self._with_binary_mask(uniforms)  # [G, 2B, 1+S, 1 or O]
-        if self._compiled is not None:  # the same up to rounding
-            loss, q = self._compiled.minimise(minibatch, factor, self.updates + 1)
+        if self._kernel is not None:  # the same up to rounding
+            loss, q = self._kernel.update(minibatch, factor, self.updates + 1)
         else:
             loss, q = self._minimise(minibatch.copied(), factor)
         if self.does_more(self.updates):
@@ -260,15 +279,17 @@ class DCC:
 
     def tensors(self, run: int) -> dict[str, Tensor]:
         """Online and target weights and Adam's moments of one run, as views."""
-        parts = {"online": self.online, "target": self.target, **self.adam.moments}
         first, last = run * self._agents, (run + 1) * self._agents
         found = {
             f"{part}.{name}": view
-            for part, stacked in parts.items()
+            for part, stacked in self._parts().items()
             for name, view in stacked.of_networks(first, last).items()
         }
         found["metric_sums"] = self._sums[:, run]
         return found
+
+    def _parts(self) -> Mapping[str, Stacked]:
+        return {"online": self.online, "target": self.target, **self.adam.moments}
 
     def policy(self, run: int) -> dict[str, Tensor]:
         """The online weights of one run, as views: [N, inputs, outputs] and [N, 1, outputs]."""

@@ -21,14 +21,12 @@ import torch
 from torch import Tensor
 
 from msgdrop_cli.algorithms.cohort import check_ranges, shared_config, shown_agents
-from msgdrop_cli.algorithms.compiled_maddpg import NAME, Compiled, library
 from msgdrop_cli.algorithms.soft_target import SoftTarget
 from msgdrop_cli.errors import DefinitionError
-from msgdrop_cli.networks.critic import critic_of
+from msgdrop_cli.kernels.maddpg import NAME, MADDPGKernel, serves
+from msgdrop_cli.networks.critic import Critic, critic_of
 from msgdrop_cli.networks.perceptron import Perceptron
 from msgdrop_cli.networks.shared_others import Blocks, SharedOthers
-from msgdrop_cli.networks.sparse_rows import NAME as SPARSE
-from msgdrop_cli.networks.sparse_rows import skips_zeros, sparse_rows
 from msgdrop_cli.networks.stacked import Stacked, parameter_count
 from msgdrop_cli.ops.exploration import noisy_action, random_action
 from msgdrop_cli.ops.message_dropout import apply_keep, keep_mask
@@ -117,34 +115,55 @@ class MADDPG:
         self._runs, self._agents, self._size = len(configs), env.agents, config.batch_size
         self._networks_each = 1 if config.shares_parameters else env.agents
         self._networks = self._runs * self._networks_each
-        observation, action = env.observation_size, env.action_size
-        self.actor = Perceptron(observation, 0, (config.actor_units,), action)
-        units = (config.f_units, config.g_units, config.h_units)
-        self.critic = critic_of(config.network, observation, action, env.agents, *units)
+        self.actor, self.critic = _networks(config, env)
         settings = (config.learning_rate, config.max_gradient_norm, config.tau)
         self.actors = SoftTarget(self.actor.layers, self._networks, *settings, device)
         self.critics = SoftTarget(self.critic.layers, self._networks, *settings, device)
-        compiled = self.kernel(config, env, device) == NAME
-        self._compiled = Compiled(self, env) if compiled else None
         self.updates = 0
 
         self._senders = senders = self.critic.hears
+        compiled = self.kernel(config, env, device) == NAME
+        self._kernel = self._compiled() if compiled else None
         self.shown_agents = shown_agents(env.agents, senders, device)
         self.rate = torch.tensor([c.rate for c in configs], device=device)  # [R]
         self.init_uniforms = self._networks_each * sum(
             parameter_count(network.layers) for network in (self.actor, self.critic)
         )
-        self.act_uniforms = 2 * action
+        self.act_uniforms = 2 * env.action_size
         self.update_uniforms = env.agents * self._size * senders
         self._sums = torch.zeros(2, self._runs, device=device)
         self._summed = 0
 
     @classmethod
     def kernel(cls, config: Config, env: Environment, device: torch.device | str) -> str:
-        """`compiled_maddpg.py`, which knows no subclass's rule, or torch, with or without zeros."""
-        if library(config, env, device) is not None and cls is MADDPG:
+        """`kernels/maddpg.c`, which knows no subclass's rule, or torch."""
+        actor, critic = _networks(config, env)
+        if cls is MADDPG and serves(
+            actor.layers,
+            critic.layers,
+            observation=env.observation_size,
+            action=env.action_size,
+            dtype=env.observation_dtype,
+            shared=config.shares_parameters,
+            device=device,
+        ):
             return NAME
-        return SPARSE if skips_zeros(device) else "torch"
+        return "torch"
+
+    def _compiled(self) -> MADDPGKernel:
+        config = self.config
+        return MADDPGKernel(
+            self.actors.parts(),
+            self.critics.parts(),
+            agents=self._agents,
+            senders=self._senders,
+            masks_actions=config.masks_actions,
+            batch_size=config.batch_size,
+            learning_rate=config.learning_rate,
+            gamma=config.gamma,
+            tau=config.tau,
+            max_gradient_norm=config.max_gradient_norm,
+        )
 
     def initialise(self, uniforms: Tensor) -> None:
         """New weights, online and target alike; uniforms [R, init_uniforms]."""
@@ -166,8 +185,8 @@ class MADDPG:
 
         An actor hears nobody, so broken links (keep) mean nothing to it.
         """
-        if self._compiled is not None:
-            return self._compiled.actions(obs)
+        if self._kernel is not None:
+            return self._kernel.actions(obs)
         return self._mu(self.actors.online, obs)
 
     def update(self, minibatch: Minibatch, uniforms: Tensor) -> None:
@@ -179,9 +198,9 @@ class MADDPG:
         shape = (self._runs, self._agents, self._size, self._senders, 1)
         keep = keep_mask(uniforms.view(shape), self.rate)  # for x and x' (l. 274)
         due, each = self.does_more(self.updates), self._critic_updates_each
-        if self._compiled is not None:  # the same up to rounding
+        if self._kernel is not None:  # the same up to rounding
             steps = (self.updates + 1, self.updates // each + 1 if due else None)
-            loss, q = self._compiled.improve(minibatch, keep, *steps)
+            loss, q = self._kernel.update(minibatch, keep, *steps)
         else:
             loss, q = self._improve(minibatch.copied(), keep.transpose(1, 2), due)
         self.updates += 1
@@ -256,7 +275,7 @@ class MADDPG:
 
     def _improve_actor(self, own: Tensor, others: Tensor | SharedOthers) -> None:
         """Follow the policy gradient (l. 277): own action from the actor, the rest as replayed."""
-        numbers, actor_trace = self.actor.forward(self.actors.online, sparse_rows(own))
+        numbers, actor_trace = self.actor.forward(self.actors.online, own)
         action = numbers.tanh()  # [G, rows, A]
         q, trace = self.critic.forward(self.critics.online, own, action, others)
         descent = torch.full_like(q, -1.0 / q.shape[1])
@@ -269,7 +288,7 @@ class MADDPG:
 
     def _mu(self, weights: Stacked, obs: Tensor) -> Tensor:
         """Every agent's action, [R, B, N, A]; obs [R, B, N, O]."""
-        numbers, _ = self.actor.forward(weights, sparse_rows(self._rows(obs)))
+        numbers, _ = self.actor.forward(weights, self._rows(obs))
         if self.config.shares_parameters:
             return numbers.view(*obs.shape[:3], -1).tanh()
         split = numbers.view(self._runs, self._agents, obs.shape[1], -1)  # [R, N, B, A]
@@ -296,3 +315,10 @@ class MADDPG:
         if self.config.shares_parameters:
             return each.flatten(1, 2)
         return each.transpose(1, 2).reshape(self._networks, each.shape[1], each.shape[-1])
+
+
+def _networks(config: Config, env: Environment) -> tuple[Perceptron, Critic]:
+    observation, action = env.observation_size, env.action_size
+    actor = Perceptron(observation, 0, (config.actor_units,), action)
+    units = (config.f_units, config.g_units, config.h_units)
+    return actor, critic_of(config.network, observation, action, env.agents, *units)

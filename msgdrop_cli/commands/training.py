@@ -77,7 +77,7 @@ def carry_out(definition: Definition, options: TrainOptions) -> int:
 
 def _say_what_is_slow(device: str) -> None:
     """Nothing fails without a C compiler, so nobody would wonder."""
-    from msgdrop_cli.networks.kernel import why_torch
+    from msgdrop_cli.kernels.build import why_torch
 
     if device == "cpu" and (reason := why_torch()):
         console.note(f"updates are computed by torch, several times slower ({reason})")

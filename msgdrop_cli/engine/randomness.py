@@ -9,16 +9,14 @@ one position, and reading one stream more often cannot change another.
 import hashlib
 from collections.abc import Sequence
 from ctypes import c_int64, c_uint64, c_void_p
-from pathlib import Path
 from typing import Literal
 
 import torch
 from torch import Tensor
 
-from msgdrop_cli.networks.kernel import load
+from msgdrop_cli.kernels.build import library
 
 Name = Literal["init", "explore", "replay", "dropout", "env", "evaluate", "links"]
-SOURCE = Path(__file__).with_name("randomness.c")
 BLOCK = 16_384
 """Numbers made ahead at a time: enough that a draw costs a slice (benchmarks/NOTES.md)."""
 _WEYL, _MIX1, _MIX2 = 0x9E3779B97F4A7C15, 0xBF58476D1CE4E5B9, 0x94D049BB133111EB
@@ -79,7 +77,7 @@ def splitmix64(keys: Tensor, first_word: int, words: int) -> Tensor:
 
     Returns [R, 2 * words] int64, the upper 32 bits of a word first.
     """
-    compiled = load(SOURCE) if keys.device.type == "cpu" else None
+    compiled = library() if keys.device.type == "cpu" else None
     if compiled is not None:  # the same numbers
         bits = torch.empty(len(keys), 2 * words, dtype=torch.int64)
         counts = (c_int64(len(keys)), c_uint64(first_word), c_int64(words))

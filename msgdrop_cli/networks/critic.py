@@ -11,7 +11,6 @@ from torch import Tensor
 
 from msgdrop_cli.networks.perceptron import Perceptron
 from msgdrop_cli.networks.shared_others import SharedOthers, WithOthers
-from msgdrop_cli.networks.sparse_rows import sparse_rows
 from msgdrop_cli.networks.stacked import Apart, Layers, Stacked, dense, dense_backward, through_relu
 
 
@@ -73,7 +72,7 @@ class FGHCritic:
         self, weights: Stacked, own: Tensor, action: Tensor, others: Tensor | SharedOthers
     ) -> tuple[Tensor, Trace]:
         """The action enters f twice (l. 770); shapes as in `Critic`."""
-        seen = sparse_rows(torch.cat((own, action), -1))
+        seen = torch.cat((own, action), -1)
         f1 = torch.cat((dense(weights["f1"], seen).relu_(), action), -1)
         joint = dense(weights["f2"], f1)
         if self.hears:
@@ -123,9 +122,9 @@ class ConcatCritic:
         mine = torch.cat((own, action), -1)
         everything: Tensor | Apart
         if isinstance(others, SharedOthers):
-            everything = WithOthers(sparse_rows(mine), mine.shape[-1], others)
+            everything = WithOthers(mine, mine.shape[-1], others)
         else:
-            everything = sparse_rows(torch.cat((mine, others), -1))
+            everything = torch.cat((mine, others), -1)
         return self._perceptron.forward(weights, everything)
 
     def backward(

@@ -10,8 +10,6 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
-from msgdrop_cli.networks.sparse_rows import SparseRows, matmul, matmul_gradient, sparse_rows
-
 
 @dataclass(frozen=True, slots=True)
 class Blocks:
@@ -20,7 +18,7 @@ class Blocks:
     Letters: `R` runs, `B` batch, `N` agents, `S = N-1` senders, `U` numbers of a block, `H` units.
     """
 
-    slots: Tensor | SparseRows
+    slots: Tensor
     """[R*S, 2*B, U]: of every slot the rows of agent k, then those of agent k + 1."""
     units: int
     """U"""
@@ -37,11 +35,11 @@ class Blocks:
         agent = torch.arange(agents, device=keep.device)[:, None]
         fed = torch.stack((slot < agent, slot >= agent), -1)  # [N, S, 2]
         choice = (keep[..., None] * fed).flatten(3).flatten(0, 1)  # [R*B, N, 2S]
-        return cls(sparse_rows(slots), units, choice)
+        return cls(slots, units, choice)
 
     def times(self, weight: Tensor, rows: int) -> Tensor:
         """The sums of products, [R, rows, H] with rows = B*N; weight [R, S*U, H]."""
-        products = matmul(self.slots, weight.reshape(-1, self.units, weight.shape[-1]))
+        products = torch.bmm(self.slots, weight.reshape(-1, self.units, weight.shape[-1]))
         by_sample = products.unflatten(0, (len(weight), -1)).unflatten(2, (2, -1))
         each = by_sample.permute(0, 3, 1, 2, 4).flatten(2, 3).flatten(0, 1)  # [R*B, 2S, H]
         return torch.bmm(self.choice, each).view(len(weight), rows, -1)
@@ -54,7 +52,7 @@ class Blocks:
         each = torch.bmm(self.choice.mT, grads)  # [R*B, 2S, H]
         slots = each.view(runs, -1, doubled // 2, 2, outputs).permute(0, 2, 3, 1, 4)
         rows = slots.reshape(runs * (doubled // 2), -1, outputs)  # [R*S, 2B, H]
-        out.copy_(matmul_gradient(self.slots, rows).view_as(out))
+        out.copy_(torch.bmm(self.slots.mT, rows).view_as(out))
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,7 +85,7 @@ class SharedOthers:
 class WithOthers:
     """Own rows and the others in one layer, for a critic that is fed everything at once."""
 
-    own: Tensor | SparseRows
+    own: Tensor
     """[R, B*N, O+A]"""
     units: int
     """O+A"""
@@ -96,9 +94,9 @@ class WithOthers:
     def times(self, weight: Tensor, bias: Tensor) -> Tensor:
         """[R, B*N, N*(O+A)] times weight [R, N*(O+A), H] plus bias [R, 1, H]: [R, B*N, H]."""
         rest = self.others.times(weight[:, self.units :], bias)
-        return matmul(self.own, weight[:, : self.units]).add_(rest)
+        return torch.bmm(self.own, weight[:, : self.units]).add_(rest)
 
     def gradient(self, grad_output: Tensor, out: Tensor) -> None:
         """Write dL/dweight [R, N*(O+A), H] into `out`; grad_output [R, B*N, H]."""
-        out[:, : self.units] = matmul_gradient(self.own, grad_output)
+        out[:, : self.units] = torch.bmm(self.own.mT, grad_output)
         self.others.gradient(grad_output, out[:, self.units :])

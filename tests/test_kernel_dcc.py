@@ -9,20 +9,18 @@ import pytest
 import torch
 from torch import Tensor
 
-from msgdrop_cli.algorithms.compiled import NAME, SOURCE
 from msgdrop_cli.algorithms.dcc import DCC, Config
 from msgdrop_cli.algorithms.registry import learner_class
 from msgdrop_cli.engine.facts import kernel_name
-from msgdrop_cli.networks.kernel import load
+from msgdrop_cli.kernels.build import library
+from msgdrop_cli.kernels.dcc import NAME
 from msgdrop_cli.ops.minibatch import Minibatch
 from msgdrop_envs import registry
 from tests.dcc_samples import integers, mask_uniforms, rand, use_kernel
 from tests.minibatches import in_memory
 from tests.runs import planned
 
-pytestmark = pytest.mark.skipif(
-    load(SOURCE) is None, reason="no C compiler, or MSGDROP_KERNEL=torch"
-)
+pytestmark = pytest.mark.skipif(library() is None, reason="no C compiler, or MSGDROP_KERNEL=torch")
 AGENTS, OBSERVATION, ROWS, SIZE = 3, 37, 50, 9
 """No multiples of anything: rows and units have remainders."""
 CASES = [
@@ -53,7 +51,7 @@ def _pair(dtype: torch.dtype, monkeypatch: pytest.MonkeyPatch, **changes: Any) -
     for learner in (ours, oracle):
         learner.initialise(rand(2, learner.init_uniforms, seed=1))
         learner.target.flat.mul_(-0.5)
-    assert (ours._compiled is None, oracle._compiled is None) == (False, True)
+    assert (ours._kernel is None, oracle._kernel is None) == (False, True)
     return ours, oracle
 
 

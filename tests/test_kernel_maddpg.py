@@ -7,11 +7,11 @@ from typing import Any
 import pytest
 import torch
 
-from msgdrop_cli.algorithms.compiled_maddpg import NAME, SOURCE
 from msgdrop_cli.algorithms.maddpg import MADDPG, Config
 from msgdrop_cli.algorithms.registry import learner_class
 from msgdrop_cli.engine.facts import kernel_name
-from msgdrop_cli.networks.kernel import load
+from msgdrop_cli.kernels.build import library
+from msgdrop_cli.kernels.maddpg import NAME
 from msgdrop_cli.ops.minibatch import Minibatch
 from msgdrop_envs import registry
 from tests.dcc_samples import integers, rand
@@ -19,9 +19,7 @@ from tests.maddpg_samples import mask_uniforms, torch_only
 from tests.minibatches import in_memory
 from tests.runs import planned
 
-pytestmark = pytest.mark.skipif(
-    load(SOURCE) is None, reason="no C compiler, or MSGDROP_KERNEL=torch"
-)
+pytestmark = pytest.mark.skipif(library() is None, reason="no C compiler, or MSGDROP_KERNEL=torch")
 AGENTS, OBSERVATION, ACTION, ROWS, SIZE = 3, 37, 2, 50, 9
 ENV: Any = SimpleNamespace(
     agents=AGENTS,
@@ -37,6 +35,8 @@ CASES: dict[str, dict[str, Any]] = {
     "hardly clipped": {"max_gradient_norm": 0.8},
     "masked actions": {"masks_actions": True},
     "ddpg": {"network": "own"},
+    "vanilla": {"network": "concat"},
+    "vanilla, masked actions": {"network": "concat", "masks_actions": True},
     "actor each third time": {"actor_update_every_env_steps": 15},
     "whole vectors": {"f_units": (16, 32), "g_units": 64, "tau": 0.7},
 }
@@ -59,7 +59,7 @@ def _pair(monkeypatch: pytest.MonkeyPatch, **changes: Any) -> tuple[MADDPG, MADD
     with monkeypatch.context() as patch:
         torch_only(patch)
         oracle = _learner(0.3, 0.6, **changes)
-    assert (ours._compiled is None, oracle._compiled is None) == (False, True)
+    assert (ours._kernel is None, oracle._kernel is None) == (False, True)
     return ours, oracle
 
 
@@ -162,7 +162,7 @@ def test_an_actor_that_diverged_is_seen(layer: str) -> None:
         ({"algorithm": "maddpg"}, True),
         ({"algorithm": "ddpg", "environment": "waterworld-n10"}, True),
         ({"max_gradient_norm": 0.0}, True),
-        ({"algorithm": "vanilla-maddpg"}, False),
+        ({"algorithm": "vanilla-maddpg"}, True),
         ({"shares_parameters": False}, False),
         ({"g_units": 40}, False),
         ({"h_units": 60}, False),
@@ -173,8 +173,8 @@ def test_a_run_says_what_it_computes_with(changes: dict[str, Any], compiled: boo
     """The paper's settings are compiled; what the C file does not know is torch's, and says so."""
     given = {"algorithm": "maddpg-md", "environment": "waterworld-n8", **changes}
     spec = planned(**given).spec
-    assert kernel_name(spec, "cpu") == (NAME if compiled else "c-sparse-rows")
+    assert kernel_name(spec, "cpu") == (NAME if compiled else "torch")
     env, learner = registry.make(spec.environment_config), learner_class(spec.algorithm)
     assert learner.kernel(spec.algorithm_config, env, "cuda") == "torch"
     built: Any = learner([spec.algorithm_config], env, "cpu")
-    assert (built._compiled is not None) == compiled
+    assert (built._kernel is not None) == compiled

@@ -1,18 +1,16 @@
-"""Builds a C file with the machine's compiler, once, and loads it; without a compiler: None.
+"""Builds the C files of this room with the machine's compiler, once, and loads the library.
 
-The compiled file lies in the user's cache folder under a name made of the source with its headers,
-the flags, the compiler and the processor, so it is never used where it does not belong. Loading it
+The compiled file lies in the user's cache folder under a name made of the sources, the flags, the
+compiler and the processor, so it is never used where it does not belong. Loading it
 is running it: a folder or file that somebody else could have written is not touched, and a folder
 of this process alone is used instead.
-`MSGDROP_KERNEL=torch` chooses the plain torch path, which gives the same numbers up to rounding
-(test_compiled).
+`MSGDROP_KERNEL=torch` chooses the plain torch path, which gives the same numbers up to rounding.
 """
 
 import ctypes
 import hashlib
 import os
 import platform
-import re
 import shutil
 import stat
 import subprocess
@@ -24,31 +22,34 @@ from pathlib import Path
 
 from msgdrop_cli.definition.strict import one_line
 from msgdrop_cli.errors import DefinitionError
+from msgdrop_cli.kernels.structs import check_structs
 
+_ROOM = Path(__file__).parent
 _FLAGS = ("-O3", "-march=native", "-std=c11", "-fno-math-errno", "-fPIC", "-shared")
 _WIDE = "-mprefer-vector-width=512"
 """Where there is AVX-512: tuned for an Intel gcc would take half of its width, a sixth slower."""
 _ANSWERS_WITHIN_S, _BUILDS_WITHIN_S = 10, 120
 
 
-def load(source: Path) -> ctypes.CDLL | None:
-    """The compiled file, or None where there is no C compiler or it is not wanted.
+def library() -> ctypes.CDLL | None:
+    """The compiled functions, or None where there is no C compiler or they are not wanted.
 
-    Raises DefinitionError if MSGDROP_KERNEL is neither `torch` nor unset.
+    Raises DefinitionError if MSGDROP_KERNEL is neither `torch` nor unset; RuntimeError if a struct
+    is not what structs.py says of it.
     """
-    found = _loaded(source)
+    found = _loaded()
     return None if isinstance(found, str) else found
 
 
 def why_torch() -> str | None:
     """Why nothing is compiled here, for people; None if it is."""
-    found = _loaded(Path(__file__).with_name("sparse_rows.c"))
+    found = _loaded()
     return found if isinstance(found, str) else None
 
 
 @cache
-def _loaded(source: Path) -> ctypes.CDLL | str:
-    """The compiled file, or why there is none."""
+def _loaded() -> ctypes.CDLL | str:
+    """The library, or why there is none."""
     if wanted := os.environ.get("MSGDROP_KERNEL"):
         if wanted != "torch":
             raise DefinitionError(f"MSGDROP_KERNEL must be torch or not set, not {wanted[:64]!r}")
@@ -57,26 +58,34 @@ def _loaded(source: Path) -> ctypes.CDLL | str:
     if compiler is None:
         return "no C compiler: cc, gcc or clang"
     try:
-        return ctypes.CDLL(str(_built(compiler, source)))
+        found = ctypes.CDLL(str(built(compiler, _ROOM)))
     except subprocess.TimeoutExpired as late:
         return f"{compiler} does not answer within {late.timeout:.0f} s"
     except subprocess.SubprocessError:
-        return f"{compiler} cannot build {source.name}"
+        return f"{compiler} cannot build the kernels"
     except OSError as error:
-        return one_line(f"{source.name} cannot be kept or loaded: {error}")
+        return one_line(f"the kernels cannot be kept or loaded: {error}")
+    check_structs(found)
+    return found
 
 
-def _built(compiler: str, source: Path) -> Path:
+def built(compiler: str, folder: Path) -> Path:
+    """The library of all C files in a folder, compiled unless that was done before.
+
+    Raises SubprocessError or OSError.
+    """
+    sources = sorted(folder.glob("*.c"))
+    content = [path.read_bytes() for path in (*sources, *sorted(folder.glob("*.h")))]
     version, processor = _version(compiler), _processor()
     flags = (*_FLAGS, *([_WIDE] if b"avx512f" in processor.split() else []))
-    recipe = b"\0".join((_with_headers(source), " ".join(flags).encode(), version, processor))
-    folder = _kept_folder()
-    library = folder / f"{source.stem}-{hashlib.sha256(recipe).hexdigest()[:16]}.so"
+    recipe = b"\0".join((*content, " ".join(flags).encode(), version, processor))
+    kept = _kept_folder()
+    library = kept / f"kernels-{hashlib.sha256(recipe).hexdigest()[:16]}.so"
     if _is_whole(library):
         return library
-    with tempfile.TemporaryDirectory(dir=folder) as scratch:
+    with tempfile.TemporaryDirectory(dir=kept) as scratch:
         output, seal = Path(scratch) / library.name, Path(scratch) / "seal"
-        command = [compiler, *flags, str(source), "-o", str(output), "-lm"]
+        command = [compiler, *flags, *map(str, sources), "-o", str(output), "-lm"]
         nothing = subprocess.DEVNULL
         subprocess.run(
             command, stdout=nothing, stderr=nothing, check=True, timeout=_BUILDS_WITHIN_S
@@ -122,13 +131,6 @@ def _is_ours(path: Path, kind: Callable[[int], bool]) -> bool:
     facts = path.lstat()
     closed = not facts.st_mode & (stat.S_IWGRP | stat.S_IWOTH)
     return kind(facts.st_mode) and facts.st_uid == os.geteuid() and closed
-
-
-def _with_headers(source: Path) -> bytes:
-    """The file and what it includes of ours."""
-    text = source.read_bytes()
-    headers = re.findall(rb'^#include "(.+)"', text, re.MULTILINE)
-    return text + b"".join(_with_headers(source.parent / name.decode()) for name in headers)
 
 
 def _is_whole(library: Path) -> bool:

@@ -1,5 +1,5 @@
-/* What `splitmix64` of randomness.py computes with torch, in one pass. It matters where single
- * elements are dropped: 141,120 numbers an update in pursuit N=6. */
+/* What `splitmix64` of engine/randomness.py computes with torch, in one pass. It matters where
+ * single elements are dropped: 141,120 numbers an update in pursuit N=6. */
 #include <stdint.h>
 
 /* out [runs, 2 * words]: the words from `first` on of the streams that begin at `keys`. */

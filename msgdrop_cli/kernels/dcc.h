@@ -1,0 +1,139 @@
+/* What dcc.c works on: shapes, memories, buffers, and the inputs.
+ *
+ * Letters: G networks, B samples, `rows` samples of a pass; `blocks` of `units` numbers: the own
+ * observation, then messages.
+ */
+#pragma once
+#include "layers.h"
+#include "nonzeros.h"
+
+enum { AHEAD = 4 };
+
+typedef struct {
+    int64_t networks, blocks, own_blocks, units, bytes, factors; /* a block's factors: 1 or units */
+    Layer f1, f2, g1, h1, h2;
+} Net;
+typedef struct { /* memories of runs, of `agents` networks each; Drawn in protocol.py */
+    const void *obs;
+    const int32_t *next_row;
+    const uint8_t *action;
+    const float *reward, *discount;
+    const int64_t *rows, *shown;              /* rows NULL: all of a run's observations in order */
+    int64_t agents, obs_blocks, obs_rows, run_rows; /* blocks in a row of obs; rows of a run */
+} Memory;
+typedef struct { const float *values; int64_t network, row; } Factors; /* [G, rows, blocks, 1 or
+                                                                         * units], and strides */
+typedef struct { float gamma, huber; Adam adam; int64_t batch_size; } Rule;
+
+typedef struct { Matrix x, f1, joint, h1, q; } Pass; /* [rows, units of the layer] each */
+typedef struct {
+    const Net *net;
+    const Memory *memory;
+    int64_t g;            /* the network */
+    const float *factors; /* its first row's */
+    int64_t factors_row;
+    Pass online, target;
+    Matrix grad_q, grad_h1, grad_joint, grad_f1;
+    float *padded, *gradient, *turned;
+    int64_t *row;   /* [rows] of obs */
+    int32_t *start; /* [rows, blocks + 1]: a block's first entry of the list */
+    List list;
+} Work;
+
+/* The inputs. */
+
+static const void *block_at(const Work *w, int64_t b, int64_t j)
+{
+    const Memory *m = w->memory;
+    const int64_t shown = m->shown[w->g % m->agents * w->net->blocks + j];
+    const int64_t at = (w->row[b] * m->obs_blocks + shown) * w->net->units;
+    return (const char *)m->obs + at * (w->net->bytes ? 1 : (int64_t)sizeof(float));
+}
+
+static void list_inputs(const Work *w, int64_t rows)
+{
+    const Net *n = w->net;
+    int64_t found = 0;
+    int32_t *start = w->start;
+    for (int64_t b = 0; b < rows; b++) {
+        for (int64_t j = 0; j < n->blocks; j++) {
+            *start++ = (int32_t)found;
+            if (b + AHEAD < rows) { /* rows lie anywhere in memory: ask for them early */
+                const char *later = block_at(w, b + AHEAD, j);
+                for (int64_t k = 0; k < n->units; k += 64) __builtin_prefetch(later + k);
+            }
+            found = list_bytes(block_at(w, b, j), n->units, w->list, found);
+        }
+        *start++ = (int32_t)found;
+    }
+}
+
+static Factor factor_of(const Work *w, int64_t b, int64_t j)
+{
+    const int64_t factors = w->net->factors;
+    return (Factor){w->factors + b * w->factors_row + j * factors, factors > 1};
+}
+
+/* x [rows, blocks * units] = the observations of rows `first` on times the factors from row 0 on */
+static void multiply_inputs(const Work *w, int64_t first, int64_t rows, float *x)
+{
+    const Net *n = w->net;
+    for (int64_t b = 0; b < rows; b++)
+        for (int64_t j = 0; j < n->blocks; j++) {
+            const float *from = block_at(w, first + b, j);
+            const Factor f = factor_of(w, b, j);
+            if (f.step == 0)
+                for (int64_t k = 0; k < n->units; k++) *x++ = from[k] * f.of[0];
+            else
+                for (int64_t k = 0; k < n->units; k++) *x++ = from[k] * f.of[k];
+        }
+}
+
+/* The entries of row b's block j that are not dropped; f: its factors. */
+static Row entries(const Work *w, int64_t b, int64_t j, Factor f)
+{
+    const int32_t *start = w->start + b * (w->net->blocks + 1) + j;
+    if (f.step == 0 && f.of[0] == 0.0f) return (Row){0}; /* a dropped message */
+    return row_of(w->list, start[0], start[1]);
+}
+
+/* The buffers. */
+
+static Matrix taken(Arena *a, int64_t rows, int64_t units)
+{
+    return (Matrix){floats(a, rows * units), units};
+}
+
+/* Puts the buffers for `rows` rows into `memory`; returns the bytes that they take. */
+static int64_t lay_out(const Net *n, int64_t rows, char *memory, Work *w)
+{
+    const int64_t inputs = n->blocks * n->units, entries = n->bytes ? rows * inputs + SPARE : 0;
+    const int64_t f1 = n->f1.outputs, joint = n->h1.inputs, h = n->h1.outputs;
+    Arena a = {memory, 0};
+    int64_t most = LANES * h;
+    const Layer *layers[4] = {&n->f1, &n->f2, &n->g1, &n->h1}; /* of bytes: a block at a time */
+    for (int i = 0; i < 4; i++) {
+        const int64_t seen = n->bytes && i % 2 == 0 ? n->units : layers[i]->inputs;
+        if (seen * layers[i]->outputs > most) most = seen * layers[i]->outputs;
+    }
+    Pass *passes[2] = {&w->online, &w->target};
+    for (int i = 0; i < 2; i++) {
+        passes[i]->x = taken(&a, n->bytes ? 0 : rows, inputs);
+        passes[i]->f1 = taken(&a, rows, f1);
+        passes[i]->joint = taken(&a, rows, joint);
+        passes[i]->h1 = taken(&a, rows, h);
+        passes[i]->q = taken(&a, rows, LANES);
+    }
+    w->padded = floats(&a, (h + 1) * LANES);
+    w->grad_q = taken(&a, rows, LANES);
+    w->grad_h1 = taken(&a, rows, h);
+    w->grad_joint = taken(&a, rows, joint);
+    w->grad_f1 = taken(&a, rows, f1);
+    w->gradient = floats(&a, most);
+    w->turned = floats(&a, most);
+    w->row = take(&a, rows * (int64_t)sizeof(int64_t));
+    w->start = take(&a, rows * (n->blocks + 1) * (int64_t)sizeof(int32_t));
+    w->list.unit = take(&a, entries * (int64_t)sizeof(uint16_t));
+    w->list.value = floats(&a, entries);
+    return a.taken;
+}

@@ -1,0 +1,140 @@
+"""What calls dcc.c: Q-values and updates of the networks h(f, g) and of plain perceptrons."""
+
+from collections.abc import Mapping
+from ctypes import Structure, byref, c_int64, c_void_p
+
+import torch
+from torch import Tensor
+
+from msgdrop_cli.kernels.build import library
+from msgdrop_cli.kernels.structs import (
+    LANES,
+    DCCMemory,
+    DCCNet,
+    DCCRule,
+    Factors,
+    Layer,
+    adam,
+    layers,
+    outcome,
+    parameters,
+    pointer,
+)
+from msgdrop_cli.networks.stacked import Layers, Stacked
+from msgdrop_cli.ops.minibatch import Minibatch
+
+NAME = "c-dcc"
+_CHUNK = 64
+"""Rows at a time when nothing is learnt: an agent's weights are read once for so many."""
+
+
+def serves(
+    layers: Layers,
+    *,
+    observation: int,
+    dtype: torch.dtype,
+    max_gradient_norm: float,
+    device: torch.device | str,
+) -> bool:
+    """Whether dcc.c was written for such networks, inputs and settings, and is there.
+
+    Every width must be a multiple of LANES, and there must be no more actions. A clipped gradient
+    has to be known as a whole before the step, which is not how the file works.
+    """
+    *hidden, actions = (outputs for _, outputs in layers.values())
+    known = (
+        torch.device(device).type == "cpu"
+        and dtype in (torch.uint8, torch.float32)
+        and all(width % LANES == 0 for width in hidden)
+        and actions <= LANES
+        and observation < 2**16  # nonzeros.h numbers a block's inputs in two bytes
+        and max_gradient_norm == 0
+    )
+    return known and library() is not None
+
+
+class DCCKernel:
+    """Q-values and updates of G = R*N networks whose weights and moments stay where they are."""
+
+    def __init__(
+        self,
+        parts: Mapping[str, Stacked],
+        shown: Tensor,
+        *,
+        observation: int,
+        dtype: torch.dtype,
+        batch_size: int,
+        learning_rate: float,
+        gamma: float,
+        huber: bool,
+    ) -> None:
+        """parts: online, target, exp_avg, exp_avg_sq; shown: [N, 1+S], whom an agent is shown."""
+        functions = library()
+        assert functions is not None
+        functions.dcc_scratch_bytes.restype = c_int64
+        self._functions, self._shown, self._dtype = functions, shown, dtype
+        self._learning_rate, self._gamma, self._huber = learning_rate, gamma, huber
+        self._parameters = parameters(parts)
+        online = parts["online"]
+        found = list(layers(online).values())  # f1, f2, g1, h1, h2; a perceptron has no g
+        found = found if len(found) == 5 else [*found[:2], Layer(), *found[2:]]
+        own_blocks, blocks = found[0].inputs // observation, shown.shape[1]
+        sizes = (online.networks, blocks, own_blocks, observation)
+        self._net = DCCNet(*sizes, dtype == torch.uint8, 1, *found)
+        self._loss = torch.zeros(online.networks, batch_size)
+        self._q = torch.zeros(online.networks, 2 * batch_size, found[-1].outputs)
+        self._outcome = outcome(self._loss, self._q)
+        self._scratch: dict[int, Tensor] = {}
+
+    def update(self, minibatch: Minibatch, factor: Tensor, step: int) -> tuple[Tensor, Tensor]:
+        """Adam's `step`-th step, from 1; factor [G, 2B, 1+S, 1 or O].
+
+        Returns the losses [G, B] and Q of the online networks [G, 2B, A], kept until the next call.
+        """
+        size = self._loss.shape[1]
+        step_of_adam = adam(self._learning_rate, step)
+        self._functions.dcc_update(
+            byref(self._net),
+            byref(self._parameters),
+            byref(_memory(minibatch)),
+            byref(self._factors(factor)),
+            byref(DCCRule(self._gamma, self._huber, step_of_adam, size)),
+            self._buffers(2 * size),
+            byref(self._outcome),
+        )
+        return self._loss, self._q
+
+    def q_values(self, obs: Tensor, factor: Tensor) -> Tensor:
+        """Q of the online networks, [G, E, A]; obs [R, E, N, O], factor [G, E, 1+S, 1 or O]."""
+        rows, obs = obs.shape[1], obs.to(self._dtype).contiguous()
+        q = torch.empty(self._q.shape[0], rows, self._q.shape[2])
+        memory = DCCMemory(obs=pointer(obs), shown=pointer(self._shown))
+        memory.agents = memory.obs_blocks = obs.shape[2]
+        self._functions.dcc_q_values(
+            byref(self._net),
+            byref(self._parameters),
+            byref(memory),
+            byref(self._factors(factor)),
+            c_int64(rows),
+            c_int64(_CHUNK),
+            self._buffers(_CHUNK),
+            pointer(q),
+        )
+        return q
+
+    def _factors(self, factor: Tensor) -> Structure:
+        self._net.factors = factor.shape[-1]
+        return Factors(factor.data_ptr(), factor.stride(0), factor.stride(1))
+
+    def _buffers(self, rows: int) -> c_void_p:
+        """The buffers for so many rows."""
+        if rows not in self._scratch:
+            size = self._functions.dcc_scratch_bytes(byref(self._net), c_int64(rows))
+            self._scratch[rows] = torch.empty(size, dtype=torch.uint8)
+        return pointer(self._scratch[rows])
+
+
+def _memory(m: Minibatch) -> Structure:
+    parts = (m.obs, m.next_row, m.action, m.reward, m.discount, m.rows, m.shown)
+    sizes = (len(m.shown), m.obs.shape[2], m.obs.shape[1], m.discount.shape[1])
+    return DCCMemory(*map(pointer, parts), *sizes)
