@@ -173,7 +173,7 @@ def test_lowest_seeds_of_all_variants_come_first(
 ) -> None:
     """Whatever is finished can be compared; a GPU takes as many at once as half of it holds."""
     asked = plan(load_definition(str(store.question)), "quick", catalogue())
-    sizes = Sizes(parameters=0, work=0.0, kernel="torch", kept=0, working=0, memory=1)
+    sizes = Sizes(parameters=0, work=0.0, kernel="torch-autograd", kept=0, working=0, memory=1)
     monkeypatch.setattr("torch.cuda.mem_get_info", lambda: (room, room))
     with graceful_stop() as control:
         made = limited_time.Campaign(

@@ -218,7 +218,7 @@ def test_the_rule_of_thumb_is_near_what_was_measured() -> None:
         ("navigation-n8", "fdc", "c-dcc", 9_864),
         ("navigation-n8", "dcc-md", "c-dcc", 5_625),
         ("waterworld-n8", "maddpg-md", "c-sparse-rows", 1_500),
-        ("pursuit-n6", "dcc-md", "torch", 1_474),
+        ("pursuit-n6", "dcc-md", "torch-autograd", 1_474),
     ):
         sizes = run_sizes(planned(environment, algorithm), episodes=8)
         speed = estimate._rule_of_thumb(replace(sizes, kernel=kernel))

@@ -39,7 +39,7 @@ def _recorded(learner: DCC, monkeypatch: pytest.MonkeyPatch) -> list[Tensor]:
     forward = learner.network.forward
 
     def record(weights: Any, inputs: Tensor) -> Any:
-        given.append(inputs.clone())
+        given.append(inputs.detach().clone())
         return forward(weights, inputs)
 
     monkeypatch.setattr(learner.network, "forward", record)
@@ -56,10 +56,8 @@ def _given(learner: DCC, monkeypatch: pytest.MonkeyPatch) -> list[Tensor]:
     batch = make_batch(learner)
     ones = batch._replace(obs=torch.ones_like(batch.obs))
     learner.update(in_memory(ones), mask_uniforms(learner, runs))
-    both, after_masked = given
     shown = learner.shown_agents.shape[1]
-    parts = [*both.split(learner.config.batch_size, 1), after_masked]
-    return [part.view(runs, AGENTS, -1, shown, OBSERVATION) for part in parts]
+    return [part.view(runs, AGENTS, -1, shown, OBSERVATION) for part in given]
 
 
 @pytest.mark.parametrize("name", ["dcc-md", "dcc-sd", "full-md", "full-sd", "concat-md"])
@@ -123,7 +121,7 @@ def test_every_update_draws_a_mask_of_its_own(
     def on_ones(minibatch: Minibatch, uniforms: Tensor) -> None:
         given.clear()  # what acting left behind
         update(replace(minibatch, obs=torch.ones_like(minibatch.obs)), uniforms)
-        masks.append(given[1].view(6, 32, 6, 147)[:, :, 1:, :unit])  # m~' for the target network
+        masks.append(given[2].view(6, 32, 6, 147)[:, :, 1:, :unit])  # m~' for the target network
 
     monkeypatch.setattr(learner, "update", on_ones)
     while len(masks) < 4:

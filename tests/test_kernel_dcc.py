@@ -9,6 +9,7 @@ import pytest
 import torch
 from torch import Tensor
 
+from msgdrop_cli.algorithms.cohort import TORCH
 from msgdrop_cli.algorithms.dcc import DCC, Config
 from msgdrop_cli.algorithms.registry import learner_class
 from msgdrop_cli.engine.facts import kernel_name
@@ -51,7 +52,7 @@ def _pair(dtype: torch.dtype, monkeypatch: pytest.MonkeyPatch, **changes: Any) -
     for learner in (ours, oracle):
         learner.initialise(rand(2, learner.init_uniforms, seed=1))
         learner.target.flat.mul_(-0.5)
-    assert (ours._kernel is None, oracle._kernel is None) == (False, True)
+    assert (ours._computes is ours, oracle._computes is oracle) == (False, True)
     return ours, oracle
 
 
@@ -169,8 +170,8 @@ def test_what_is_not_a_number_is_seen(
         ({}, NAME),
         ({"environment": "navigation-n8"}, NAME),
         ({"algorithm": "fdc"}, NAME),
-        ({"max_gradient_norm": 0.5}, "torch"),
-        ({"g_units": 100}, "torch"),
+        ({"max_gradient_norm": 0.5}, TORCH),
+        ({"g_units": 100}, TORCH),
     ],
 )
 def test_a_run_says_what_it_computes_with(changes: dict[str, Any], expected: str) -> None:
@@ -178,11 +179,11 @@ def test_a_run_says_what_it_computes_with(changes: dict[str, Any], expected: str
     spec = planned(**changes).spec
     assert kernel_name(spec, "cpu") == expected
     env, learner = registry.make(spec.environment_config), learner_class(spec.algorithm)
-    assert learner.kernel(spec.algorithm_config, env, "cuda") == "torch"
+    assert learner.kernel(spec.algorithm_config, env, "cuda") == TORCH
 
 
 def test_observations_beyond_two_bytes_are_torchs() -> None:
     """dcc.c numbers what it finds in a block with 16 bits: 73 cells of sight fit, 74 do not."""
-    for sight, name in ((73, NAME), (74, "torch")):
+    for sight, name in ((73, NAME), (74, TORCH)):
         config = replace(registry.settings()["pursuit-n6"], sight=sight)
         assert DCC.kernel(Config(), registry.make(config), "cpu") == name

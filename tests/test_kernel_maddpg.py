@@ -7,6 +7,7 @@ from typing import Any
 import pytest
 import torch
 
+from msgdrop_cli.algorithms.cohort import TORCH
 from msgdrop_cli.algorithms.maddpg import MADDPG, Config
 from msgdrop_cli.algorithms.registry import learner_class
 from msgdrop_cli.engine.facts import kernel_name
@@ -59,7 +60,7 @@ def _pair(monkeypatch: pytest.MonkeyPatch, **changes: Any) -> tuple[MADDPG, MADD
     with monkeypatch.context() as patch:
         torch_only(patch)
         oracle = _learner(0.3, 0.6, **changes)
-    assert (ours._kernel is None, oracle._kernel is None) == (False, True)
+    assert (ours._computes is ours, oracle._computes is oracle) == (False, True)
     return ours, oracle
 
 
@@ -173,8 +174,8 @@ def test_a_run_says_what_it_computes_with(changes: dict[str, Any], compiled: boo
     """The paper's settings are compiled; what the C file does not know is torch's, and says so."""
     given = {"algorithm": "maddpg-md", "environment": "waterworld-n8", **changes}
     spec = planned(**given).spec
-    assert kernel_name(spec, "cpu") == (NAME if compiled else "torch")
+    assert kernel_name(spec, "cpu") == (NAME if compiled else TORCH)
     env, learner = registry.make(spec.environment_config), learner_class(spec.algorithm)
-    assert learner.kernel(spec.algorithm_config, env, "cuda") == "torch"
+    assert learner.kernel(spec.algorithm_config, env, "cuda") == TORCH
     built: Any = learner([spec.algorithm_config], env, "cpu")
-    assert (built._kernel is not None) == compiled
+    assert (built._computes is not built) == compiled

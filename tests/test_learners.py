@@ -9,6 +9,7 @@ import pytest
 import torch
 from torch import Tensor
 
+from msgdrop_cli.algorithms.cohort import TORCH
 from msgdrop_cli.algorithms.dcc import DCC
 from msgdrop_cli.algorithms.registry import learner_class, learners
 from msgdrop_cli.definition.spec import RunSpec, TrainingSpec
@@ -160,7 +161,8 @@ def test_what_computes_the_rule_is_the_rule(
 class Stubborn(DCC):
     """A rule of somebody's own: nothing is ever learnt."""
 
-    def _minimise(self, batch: Any, factor: Tensor) -> tuple[Tensor, Tensor]:
+    def minimise(self, minibatch: Any, keep: Tensor, step: int) -> tuple[Tensor, Tensor]:
+        """Nothing."""
         size = self.config.batch_size
         return torch.zeros(6, size), torch.zeros(6, 2 * size, 5)
 
@@ -168,7 +170,7 @@ class Stubborn(DCC):
 def test_a_subclass_of_a_learner_computes_its_own_rule() -> None:
     """DCC's kernel computes DCC's rule, so it serves no subclass."""
     config, env = _config("dcc", "dcc-md", "pursuit-n6"), registry.make("pursuit-n6")
-    assert Stubborn.kernel(config, env, "cpu") == "torch"
+    assert Stubborn.kernel(config, env, "cpu") == TORCH
     made = Stubborn([config], env)
     made.initialise(rand(1, made.init_uniforms, seed=1))
     before = made.online.flat.clone()

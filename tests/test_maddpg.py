@@ -128,7 +128,7 @@ def test_one_mask_serves_x_and_next_x() -> None:
         calls.append(others)
         return forward(weights, own, action, others)
 
-    learner.critic.forward = spy  # type: ignore[method-assign, assignment]
+    learner.critic.forward = spy  # type: ignore[method-assign]
     learner.update(in_memory(make_batch()), uniforms)
     assert len(calls) == 3  # the target's, the critic's, the policy gradient's
     for others in calls:

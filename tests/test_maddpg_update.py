@@ -8,14 +8,10 @@ import torch
 from torch import Tensor, nn
 
 from msgdrop_cli.algorithms.maddpg import MADDPG, Config
-from msgdrop_cli.networks.critic import ConcatCritic, FGHCritic
-from msgdrop_cli.networks.stacked import Stacked, initialise, parameter_count
+from msgdrop_cli.networks.stacked import Stacked
 from msgdrop_cli.ops.minibatch import Batch
-from tests.dcc_samples import rand
 from tests.maddpg_samples import (
-    ACTION,
     AGENTS,
-    OBSERVATION,
     SIZE,
     make_batch,
     make_learner,
@@ -185,38 +181,14 @@ def test_policy_gradient_equals_autograd(shared: bool) -> None:
     learner.update(in_memory(batch), uniforms)
     keep = (uniforms.view(AGENTS, SIZE, SENDERS) >= 0.4).float()
     plain.update(Batch(*(part[0] for part in batch)), keep)
-    gradient = learner.actors.adam.gradient
+    gradient = learner.actors.adam.moments["exp_avg"]  # a tenth of it, after the first step
     for n, actor in enumerate(plain.actors):
         linears = [part for part in actor if isinstance(part, nn.Linear)]
         for layer, linear in zip(gradient.views.values(), linears, strict=True):
             assert linear.weight.grad is not None
             assert linear.weight.grad.abs().max() > 1e-4
-            torch.testing.assert_close(layer.weight[n], linear.weight.grad.T, rtol=1e-4, atol=1e-7)
-
-
-@pytest.mark.parametrize("kind", ["fgh", "own", "concat"])
-def test_action_gradient_equals_autograd(kind: str) -> None:
-    """The gradient with respect to the own action goes through every place where it enters."""
-    senders = 0 if kind == "own" else SENDERS
-    critic: Any = (
-        ConcatCritic(OBSERVATION, ACTION, senders, (9, 8, 11))
-        if kind == "concat"
-        else FGHCritic(
-            OBSERVATION, ACTION, senders, own_units=(9, 8), others_units=10, joint_units=11
-        )
-    )
-    weights = Stacked(critic.layers, 2)
-    initialise(weights, rand(1, 2 * parameter_count(critic.layers), seed=1))
-    own, action = rand(2, 6, OBSERVATION, seed=2), rand(2, 6, ACTION, seed=3) - 0.5
-    others, slope = rand(2, 6, senders * (OBSERVATION + ACTION), seed=4), rand(2, 6, 1, seed=5)
-    q, trace = critic.forward(weights, own, action, others)
-    found = critic.action_gradient(weights, trace, slope)
-    for n in range(2):
-        entering = action[n].clone().requires_grad_()
-        expected = PlainCritic(weights, n, kind)(own[n], entering, others[n])
-        torch.testing.assert_close(q[n, :, 0], expected.detach(), rtol=0, atol=1e-6)
-        expected.backward(slope[n, :, 0])
-        torch.testing.assert_close(found[n], entering.grad, rtol=0, atol=1e-6)
+            expected = 0.1 * linear.weight.grad.T
+            torch.testing.assert_close(layer.weight[n], expected, rtol=1e-4, atol=1e-8)
 
 
 def test_actors_move_every_second_time_and_first_with_the_first() -> None:

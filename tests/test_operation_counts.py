@@ -21,20 +21,20 @@ from tests.runs import planned
 PARTS = ("act", "play", "sample", "learn")
 CALLS = {
     (NAME, "pursuit-n6"): (16, 104, 8, 19),
-    ("torch", "pursuit-n6"): (32, 104, 8, 140),
+    ("torch", "pursuit-n6"): (32, 104, 8, 205),
     (NAME, "navigation-n8"): (16, 114, 8, 19),
-    ("torch", "navigation-n8"): (32, 114, 8, 140),
-    (NAME, "waterworld-n8"): (17, 215, 7, 13),
-    ("torch", "waterworld-n8"): (23, 215, 7, 305),
+    ("torch", "navigation-n8"): (32, 114, 8, 205),
+    (NAME, "waterworld-n8"): (17, 215, 7, 16),
+    ("torch", "waterworld-n8"): (23, 215, 7, 265),
 }
 """Operator calls of each part, at most: of one step of 8 games, and of one update."""
 KILOBYTES = {
-    (NAME, "pursuit-n6"): (4, 40, 8, 20),
-    ("torch", "pursuit-n6"): (500, 40, 8, 6_000),
-    (NAME, "navigation-n8"): (6, 96, 10, 32),
-    ("torch", "navigation-n8"): (300, 96, 10, 3_200),
+    (NAME, "pursuit-n6"): (4, 40, 8, 22),
+    ("torch", "pursuit-n6"): (500, 40, 8, 31_000),
+    (NAME, "navigation-n8"): (6, 96, 10, 40),
+    ("torch", "navigation-n8"): (300, 96, 10, 16_500),
     (NAME, "waterworld-n8"): (9, 380, 2, 34),
-    ("torch", "waterworld-n8"): (27, 380, 2, 8_300),
+    ("torch", "waterworld-n8"): (42, 380, 2, 20_000),
 }
 """Kilobytes of new tensors, likewise."""
 

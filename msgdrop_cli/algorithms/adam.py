@@ -1,5 +1,7 @@
 """Adam over stacked networks (paper l. 753), with moments that can be taken out run by run."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from functools import cached_property
 
 import torch
@@ -9,7 +11,7 @@ from msgdrop_cli.ops.td import clip_factors
 
 
 class Adam:
-    """torch's fused Adam on the one flat tensor of `weights`; `gradient` is filled by a network."""
+    """torch's fused Adam on the one flat tensor of `weights`."""
 
     def __init__(
         self,
@@ -28,16 +30,26 @@ class Adam:
         }
         self._steps = torch.zeros((), device=device)
 
-    @cached_property
-    def gradient(self) -> Stacked:
-        """What a network fills before each step; made when first asked for."""
-        return Stacked(self._weights.layers, self._weights.networks, self._device)
+    @contextmanager
+    def descent(self) -> Iterator[Stacked]:
+        """Yields the weights for a loss whose backward pass the caller runs, then steps down.
 
-    def step(self) -> None:
-        """Clip each network's gradient if asked, and move the weights."""
+        Everything else runs in inference mode, whose tensors autograd refuses: the weights are a
+        copy, and what is made within the block is not one of those tensors.
+        """
+        with torch.inference_mode(False), torch.enable_grad():
+            theta = self._weights.copy(learns=True)
+            yield theta
+        assert theta.flat.grad is not None
+        self._gradient.flat.copy_(theta.flat.grad)
         if self._max_gradient_norm > 0:
             self._clip()
         self._adam.step()
+
+    @cached_property
+    def _gradient(self) -> Stacked:
+        """Made at the first step: a compiled run needs none."""
+        return Stacked(self._weights.layers, self._weights.networks, self._device)
 
     def resume_at(self, steps: int) -> None:
         """Set how many steps the moments have seen."""
@@ -47,7 +59,7 @@ class Adam:
     def _adam(self) -> torch.optim.Adam:
         """Made at the first step: it imports 70 MB, and a compiled run needs none of it."""
         weights = self._weights.flat
-        weights.grad = self.gradient.flat
+        weights.grad = self._gradient.flat
         # On a GPU the step may be captured in a graph, and may as well not be: both are meant.
         adam = torch.optim.Adam(
             [weights], lr=self._learning_rate, fused=True, capturable=weights.is_cuda
@@ -58,7 +70,7 @@ class Adam:
         return adam
 
     def _clip(self) -> None:
-        views = self.gradient.of_networks(0, self.gradient.networks).values()
+        views = self._gradient.of_networks(0, self._gradient.networks).values()
         rows = torch.cat([view.flatten(1) for view in views], 1)  # [G, parameters]
         factors = clip_factors(rows, self._max_gradient_norm)
         for view in views:

@@ -1,6 +1,6 @@
 """What every learner needs to serve the runs of a cohort."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any, TypeVar
 
@@ -8,7 +8,10 @@ import torch
 from torch import Tensor
 
 from msgdrop_cli.errors import DefinitionError
+from msgdrop_cli.networks.stacked import Stacked
 
+TORCH = "torch-autograd"
+"""The kernel's name in the records where a learner's own page computes."""
 ConfigT = TypeVar("ConfigT", bound=Any)
 
 
@@ -50,3 +53,36 @@ def shown_agents(agents: int, senders: int, device: torch.device | str) -> Tenso
     """Row i: agent i, then its senders in increasing order (the paper's m^i, l. 149): [N, 1+S]."""
     rows = [[i, *(j for j in range(agents) if j != i)] for i in range(agents)]
     return torch.tensor(rows, device=device)[:, : 1 + senders].contiguous()
+
+
+class RunningMeans:
+    """Of the losses and Q-values of every run, since they were taken last."""
+
+    def __init__(self, runs: int, device: torch.device | str) -> None:
+        self.sums = torch.zeros(2, runs, device=device)
+        """[2, R], part of a run's tensors."""
+        self.updates = 0
+
+    def add(self, loss: Tensor, q: Tensor) -> None:
+        """One update's numbers; the first dimension of each is the networks, run by run."""
+        runs = self.sums.shape[1]
+        self.sums[0].add_(loss.reshape(runs, -1).mean(1))
+        self.sums[1].add_(q.reshape(runs, -1).mean(1))
+        self.updates += 1
+
+    def take(self) -> list[dict[str, float | None]]:
+        """Each run's means, by name; None without an update."""
+        learnt = self.updates > 0
+        means = (self.sums / max(self.updates, 1)).T.tolist()
+        self.sums.zero_()
+        self.updates = 0
+        return [{"loss": loss if learnt else None, "q": q if learnt else None} for loss, q in means]
+
+
+def tensors_of(parts: Mapping[str, Stacked], first: int, last: int) -> dict[str, Tensor]:
+    """Views of the networks `first` to `last - 1` of every part, by `part.layer.weight`."""
+    return {
+        f"{part}.{name}": view
+        for part, stacked in parts.items()
+        for name, view in stacked.of_networks(first, last).items()
+    }

@@ -12,25 +12,24 @@ networks, each on a minibatch of its own. What tells them apart are values of th
 Letters: `R` runs, `E` games, `N` agents, `G = R*N`, `B` batch, `S` senders, `O` observation.
 """
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
 import torch
-from torch import Tensor
+from torch import Tensor, cat
 
+from msgdrop_cli.algorithms import cohort
 from msgdrop_cli.algorithms.adam import Adam
-from msgdrop_cli.algorithms.cohort import check_ranges, shared_config, shown_agents
 from msgdrop_cli.errors import DefinitionError
 from msgdrop_cli.kernels.dcc import NAME, DCCKernel, serves
-from msgdrop_cli.networks.fgh import FGH
-from msgdrop_cli.networks.inputs import masked_input
-from msgdrop_cli.networks.perceptron import Perceptron
+from msgdrop_cli.networks.q_network import q_network
 from msgdrop_cli.networks.stacked import Network, Stacked, initialise, parameter_count
 from msgdrop_cli.ops.exploration import annealed_epsilon, epsilon_greedy
-from msgdrop_cli.ops.message_dropout import execution_scale, keep_mask
-from msgdrop_cli.ops.minibatch import Batch, Minibatch
-from msgdrop_cli.ops.td import double_q_target, loss_gradient
+from msgdrop_cli.ops.message_dropout import apply_keep, execution_scale, keep_mask
+from msgdrop_cli.ops.minibatch import Minibatch
+from msgdrop_cli.ops.td import double_q_target, td_loss
 from msgdrop_envs.protocol import Environment
 
 
@@ -80,7 +79,7 @@ class Config:
     def __post_init__(self) -> None:
         shares = ("epsilon_start", "epsilon_final")
         amounts, counts = ("epsilon_anneal_env_steps",), ("target_update_every_updates",)
-        check_ranges(self, shares=shares, amounts=amounts, counts=counts)
+        cohort.check_ranges(self, shares=shares, amounts=amounts, counts=counts)
 
 
 NAMED: Mapping[str, Mapping[str, Any]] = {
@@ -118,13 +117,13 @@ class DCC:
     def __init__(
         self, configs: Sequence[Config], env: Environment, device: torch.device | str = "cpu"
     ) -> None:
-        self.config = config = shared_config(configs, env.agents)
+        self.config = config = cohort.shared_config(configs, env.agents)
         if env.actions == 0:
             raise DefinitionError("dcc picks one of several actions; this environment has none")
         self._runs, self._agents = len(configs), env.agents
-        self.network = _network(config, env)
+        self.network = network = _network(config, env)
         self.online, self.target = (
-            Stacked(self.network.layers, self._runs * self._agents, device) for _ in range(2)
+            Stacked(network.layers, self._runs * self._agents, device) for _ in range(2)
         )
         self.adam = Adam(
             self.online,
@@ -132,44 +131,72 @@ class DCC:
             max_gradient_norm=config.max_gradient_norm,
             device=device,
         )
-        self.updates = 0
-
-        senders, size = self.network.hears, config.batch_size
-        self.shown_agents = shown_agents(self._agents, senders, device)
-        compiled = self.kernel(config, env, device) == NAME
-        self._kernel = self._compiled(env) if compiled else None
+        self._parts = {"online": self.online, "target": self.target, **self.adam.moments}
+        senders = network.hears
+        self.shown_agents = cohort.shown_agents(self._agents, senders, device)
         self.rate = torch.tensor([c.rate for c in configs], device=device)  # [R]
         scale = execution_scale(self.rate, senders, drops_own=config.drops_own)
-        self._scale = scale.repeat_interleave(self._agents, 0)[:, None]  # [G, 1, 1+S, 1]
-        # For m and m': the binary mask over the first B rows, the scale of Q_exec over the rest;
-        # [R, N, 2B, 1+S, 1 or O].
+        self.scale = scale.repeat_interleave(self._agents, 0)[:, None]  # [G, 1, 1+S, 1]
+        dropped = (1 + senders) if config.drops_own else senders
         unit = env.observation_size if config.dropout == "element" else 1
-        self._factor = scale.new_ones(self._runs, self._agents, 2 * size, 1 + senders, unit)
-        self._factor[:, :, size:] = scale[:, None, None]
-        self._keep = self._factor[:, :, :size, 0 if config.drops_own else 1 :]  # a view
-        self.init_uniforms = self._agents * parameter_count(self.network.layers)
+        self._mask_shape = (self._agents, config.batch_size, dropped, unit)
+        self.init_uniforms = self._agents * parameter_count(network.layers)
         self.act_uniforms = 2
-        self.update_uniforms = self._keep[0].numel()
-        self._sums = torch.zeros(2, self._runs, device=device)
-        self._summed = 0
+        self.update_uniforms = math.prod(self._mask_shape)
+        self.updates, self._means = 0, cohort.RunningMeans(self._runs, device)
+        self._computes = self._computed_by(env, device)
 
-    @classmethod
-    def kernel(cls, config: Config, env: Environment, device: torch.device | str) -> str:
-        """What it computes with: `kernels/dcc.c`, which knows no subclass's rule, or torch."""
-        known = cls is DCC and serves(
-            _network(config, env).layers,
-            observation=env.observation_size,
-            dtype=env.observation_dtype,
-            max_gradient_norm=config.max_gradient_norm,
-            device=device,
-        )
-        return NAME if known else "torch"
+    # The rule, as the paper writes it.
 
-    def _compiled(self, env: Environment) -> DCCKernel:
+    def binary_mask(self, uniforms: Tensor) -> Tensor:
+        """Generate b, which drops each message with probability `rate` (l. 217, 235-241).
+
+        uniforms: [R, update_uniforms]. Returns the keep mask [G, B, 1+S, 1 or O]: one for each
+        sample, agent and sender; the own observation is kept, unless `drops_own`.
+        """
+        keep = keep_mask(uniforms.view(len(uniforms), *self._mask_shape), self.rate).flatten(0, 1)
+        own = keep.new_ones(*keep.shape[:2], 1, keep.shape[3])
+        return keep if self.config.drops_own else cat((own, keep), 2)
+
+    def minimise(self, minibatch: Minibatch, keep: Tensor, step: int) -> tuple[Tensor, Tensor]:
+        """Minimise DCC-MD's loss (label eq:5) by one step of Adam; keep [G, B, 1+S, 1 or O].
+
+        Returns the losses [G, B] and Q of the online networks [G, 2B, A] before the step.
+        """
+        with self.adam.descent() as theta:
+            batch = minibatch.copied()
+            om, next_om = batch.obs.split(self.config.batch_size, 1)  # (o, m), (o', m')
+            q = self.q(theta, om, keep)  # Q(o, m~; theta)
+            with torch.no_grad():
+                q_exec = self.q(self.online, next_om, self.scale)  # Q_exec(o', m'; theta)
+                next_q = self.q(self.target, next_om, keep)  # Q(o', m~'; theta-), the same mask
+                discount = self.config.gamma * batch.discount
+                y = double_q_target(batch.reward, discount, next_q, q_exec)
+            taken = q.gather(-1, batch.action[..., None]).squeeze(-1)  # Q(o, m~, a; theta)
+            loss = td_loss(taken, y, self.config.loss)
+            loss.mean(1).sum().backward()
+        return loss.detach(), cat((q.detach(), q_exec), 1)
+
+    def q(self, weights: Stacked, om: Tensor, factor: Tensor) -> Tensor:
+        """Q [G, B, A] of own observations and messages [G, B, 1+S, O] times factors of them."""
+        return self.network.forward(weights, apply_keep(om.float(), factor).flatten(2))
+
+    def q_values(self, obs: Tensor, factor: Tensor) -> Tensor:
+        """Q of the online networks [G, E, A]; obs [R, E, N, O], factor [G, E, 1+S, 1]."""
+        om = obs[:, :, self.shown_agents].transpose(1, 2).flatten(0, 1)  # [G, E, 1+S, O]
+        return self.q(self.online, om, factor)
+
+    # What the engine asks for.
+
+    def _computed_by(self, env: Environment, device: torch.device | str) -> "DCC | DCCKernel":
+        """Who computes `minimise` and `q_values`: a kernel, the same up to rounding, or this."""
         config = self.config
+        if self.kernel(config, env, device) != NAME:
+            return self
         return DCCKernel(
-            self._parts(),
+            self._parts,
             self.shown_agents,
+            self.scale,
             observation=env.observation_size,
             dtype=env.observation_dtype,
             batch_size=config.batch_size,
@@ -178,6 +205,14 @@ class DCC:
             huber=config.loss == "huber",
         )
 
+    @classmethod
+    def kernel(cls, config: Config, env: Environment, device: torch.device | str) -> str:
+        """What computes it: `kernels/dcc.c`, which knows no subclass's rule, or torch."""
+        network, clips = _network(config, env), config.max_gradient_norm > 0
+        inputs = (env.observation_size, env.observation_dtype)
+        known = cls is DCC and serves(network.layers, *inputs, clips=clips, device=device)
+        return NAME if known else cohort.TORCH
+
     def initialise(self, uniforms: Tensor) -> None:
         """Initialise theta and theta-minus alike (algorithm 1); uniforms [R, init_uniforms]."""
         initialise(self.online, uniforms)
@@ -185,8 +220,7 @@ class DCC:
 
     def epsilon(self, env_steps: float | Tensor) -> float | Tensor:
         """The share of random actions after `env_steps` (l. 753)."""
-        c = self.config
-        over = c.epsilon_anneal_env_steps
+        c, over = self.config, self.config.epsilon_anneal_env_steps
         return annealed_epsilon(env_steps, c.epsilon_start, c.epsilon_final, over)
 
     def act(self, obs: Tensor, uniforms: Tensor, env_steps: int | Tensor) -> Tensor:
@@ -209,58 +243,21 @@ class DCC:
         obs: [R, E, N, O]; keep: [R, E, N, S] or None if every link works.
         """
         runs, games = obs.shape[:2]
-        factor = self._scale.expand(-1, games, -1, -1)  # [G, E, 1+S, 1]
+        factor = self.scale.expand(-1, games, -1, -1)  # [G, E, 1+S, 1]
         if keep is not None:
             arrives = keep[..., : self.network.hears].transpose(1, 2).flatten(0, 1)  # [G, E, S]
             factor = factor.clone()
             factor[:, :, 1:, 0] *= arrives
-        if self._kernel is not None:  # the same up to rounding
-            q = self._kernel.q_values(obs, factor)  # [G, E, A]
-        else:
-            shown = obs[:, :, self.shown_agents].transpose(1, 2).flatten(0, 1)  # [G, E, 1+S, O]
-            q, _ = self.network.forward(self.online, masked_input(shown, factor))
+        q = self._computes.q_values(obs, factor)  # [G, E, A]
         return q.view(runs, self._agents, games, -1).transpose(1, 2)
 
     def update(self, minibatch: Minibatch, uniforms: Tensor) -> None:
-        """Minimise the loss of DCC-MD once (label eq:5), every agent on its own minibatch.
-
-        uniforms: [R, update_uniforms], for the binary mask.
-        """
-        factor = self._with_binary_mask(uniforms)  # [G, 2B, 1+S, 1 or O]
-        if self._kernel is not None:  # the same up to rounding
-            loss, q = self._kernel.update(minibatch, factor, self.updates + 1)
-        else:
-            loss, q = self._minimise(minibatch.copied(), factor)
+        """Update every agent once, on its own minibatch; uniforms [R, update_uniforms]."""
+        keep = self.binary_mask(uniforms)
+        self._means.add(*self._computes.minimise(minibatch, keep, self.updates + 1))
         if self.does_more(self.updates):
             self.target.flat.copy_(self.online.flat)
         self.updates += 1
-        self._sums[0].add_(loss.view(self._runs, -1).mean(1))
-        self._sums[1].add_(q.view(self._runs, -1).mean(1))
-        self._summed += 1
-
-    def _with_binary_mask(self, uniforms: Tensor) -> Tensor:
-        """One mask a sample, for m~ and m~' alike (l. 233-241); the own block stays 1."""
-        mask = keep_mask(uniforms.view(len(uniforms), *self._keep.shape[1:]), self.rate)
-        self._keep.copy_(mask)
-        return self._factor.flatten(0, 1)
-
-    def _minimise(self, batch: Batch, factor: Tensor) -> tuple[Tensor, Tensor]:
-        """The losses [G, B] and Q [G, 2B, A] before the step."""
-        size, obs = self.config.batch_size, batch.obs
-        inputs = masked_input(obs, factor)  # o, m~; and o', m' as Q_exec takes them
-        masked_after = masked_input(obs[:, size:], factor[:, :size])  # o', m~': same mask
-
-        q, trace = self.network.forward(self.online, inputs)  # [G, 2B, A]
-        next_q, _ = self.network.forward(self.target, masked_after)
-        discount = self.config.gamma * batch.discount
-        target = double_q_target(batch.reward, discount, next_q, q[:, size:])
-        action = batch.action[..., None]
-        error = q[:, :size].gather(-1, action).squeeze(-1) - target
-        loss, slope = loss_gradient(error, self.config.loss)
-        grad_q = torch.zeros_like(next_q).scatter_(-1, action, slope[..., None] / size)
-        self.network.backward(self.online, trace, grad_q, self.adam.gradient)
-        self.adam.step()
-        return loss, q
 
     def does_more(self, update: int) -> bool:
         """Whether the target network is copied at the end of this update, counted from 0."""
@@ -268,28 +265,13 @@ class DCC:
 
     def metrics(self, env_steps: int) -> list[dict[str, float | None]]:
         """Each run's epsilon now, and the means of loss and Q since the last call (None: none)."""
-        epsilon, learnt = float(self.epsilon(env_steps)), self._summed > 0
-        means = (self._sums / max(self._summed, 1)).T.tolist()
-        self._sums.zero_()
-        self._summed = 0
-        return [
-            {"epsilon": epsilon, "loss": loss if learnt else None, "q": q if learnt else None}
-            for loss, q in means
-        ]
+        now = {"epsilon": float(self.epsilon(env_steps))}
+        return [{**now, **means} for means in self._means.take()]
 
     def tensors(self, run: int) -> dict[str, Tensor]:
         """Online and target weights and Adam's moments of one run, as views."""
-        first, last = run * self._agents, (run + 1) * self._agents
-        found = {
-            f"{part}.{name}": view
-            for part, stacked in self._parts().items()
-            for name, view in stacked.of_networks(first, last).items()
-        }
-        found["metric_sums"] = self._sums[:, run]
-        return found
-
-    def _parts(self) -> Mapping[str, Stacked]:
-        return {"online": self.online, "target": self.target, **self.adam.moments}
+        found = cohort.tensors_of(self._parts, run * self._agents, (run + 1) * self._agents)
+        return {**found, "metric_sums": self._means.sums[:, run]}
 
     def policy(self, run: int) -> dict[str, Tensor]:
         """The online weights of one run, as views: [N, inputs, outputs] and [N, 1, outputs]."""
@@ -298,24 +280,14 @@ class DCC:
     @property
     def progress(self) -> tuple[int, int]:
         """Counters that a checkpoint keeps: updates done, updates in the running means."""
-        return self.updates, self._summed
+        return self.updates, self._means.updates
 
     def resume_at(self, *counters: int) -> None:
         """Set the counters of `progress` again."""
-        self.updates, self._summed = counters
+        self.updates, self._means.updates = counters
         self.adam.resume_at(self.updates)
 
 
-def _network(config: Config, env: Environment) -> Network:
-    observation, senders = env.observation_size, env.agents - 1
-    units = (*config.f_units, config.h_units)
-    if config.network == "own":
-        return Perceptron(observation, 0, units, env.actions)
-    if config.network == "concat":
-        return Perceptron(observation * (1 + senders), senders, units, env.actions)
-    return FGH(
-        *(observation, observation, senders, env.actions),
-        own_units=config.f_units,
-        message_units=config.g_units,
-        joint_units=config.h_units,
-    )
+def _network(c: Config, env: Environment) -> Network:
+    sizes = (env.observation_size, env.agents, env.actions)
+    return q_network(c.network, *sizes, c.f_units, c.g_units, c.h_units)

@@ -20,18 +20,17 @@ from typing import Any, Literal
 import torch
 from torch import Tensor
 
-from msgdrop_cli.algorithms.cohort import check_ranges, shared_config, shown_agents
+from msgdrop_cli.algorithms import cohort
 from msgdrop_cli.algorithms.soft_target import SoftTarget
 from msgdrop_cli.errors import DefinitionError
 from msgdrop_cli.kernels.maddpg import NAME, MADDPGKernel, serves
 from msgdrop_cli.networks.critic import Critic, critic_of
 from msgdrop_cli.networks.perceptron import Perceptron
-from msgdrop_cli.networks.shared_others import Blocks, SharedOthers
 from msgdrop_cli.networks.stacked import Stacked, parameter_count
 from msgdrop_cli.ops.exploration import noisy_action, random_action
 from msgdrop_cli.ops.message_dropout import apply_keep, keep_mask
-from msgdrop_cli.ops.minibatch import Batch, Minibatch
-from msgdrop_cli.ops.td import loss_gradient
+from msgdrop_cli.ops.minibatch import Minibatch
+from msgdrop_cli.ops.td import td_loss
 from msgdrop_envs.protocol import Environment
 
 
@@ -78,7 +77,7 @@ class Config:
 
     def __post_init__(self) -> None:
         counts = ("actor_units", "actor_update_every_env_steps")
-        check_ranges(self, shares=("tau",), amounts=("noise",), counts=counts)
+        cohort.check_ranges(self, shares=("tau",), amounts=("noise",), counts=counts)
         if self.actor_update_every_env_steps % self.update_every_env_steps:
             raise ValueError(
                 "actor_update_every_env_steps must be a multiple of update_every_env_steps, not"
@@ -109,49 +108,102 @@ class MADDPG:
     def __init__(
         self, configs: Sequence[Config], env: Environment, device: torch.device | str = "cpu"
     ) -> None:
-        self.config = config = shared_config(configs, env.agents)
+        self.config = config = cohort.shared_config(configs, env.agents)
         if env.action_size == 0:
             raise DefinitionError("maddpg acts by numbers; this environment has single actions")
         self._runs, self._agents, self._size = len(configs), env.agents, config.batch_size
         self._networks_each = 1 if config.shares_parameters else env.agents
-        self._networks = self._runs * self._networks_each
         self.actor, self.critic = _networks(config, env)
-        settings = (config.learning_rate, config.max_gradient_norm, config.tau)
-        self.actors = SoftTarget(self.actor.layers, self._networks, *settings, device)
-        self.critics = SoftTarget(self.critic.layers, self._networks, *settings, device)
-        self.updates = 0
-
+        settings = (config.learning_rate, config.max_gradient_norm, config.tau, device)
+        networks = self._runs * self._networks_each
+        self.actors = SoftTarget(self.actor.layers, networks, *settings)
+        self.critics = SoftTarget(self.critic.layers, networks, *settings)
         self._senders = senders = self.critic.hears
-        compiled = self.kernel(config, env, device) == NAME
-        self._kernel = self._compiled() if compiled else None
-        self.shown_agents = shown_agents(env.agents, senders, device)
+        self.shown_agents = cohort.shown_agents(env.agents, senders, device)
         self.rate = torch.tensor([c.rate for c in configs], device=device)  # [R]
-        self.init_uniforms = self._networks_each * sum(
-            parameter_count(network.layers) for network in (self.actor, self.critic)
-        )
+        counts = (parameter_count(network.layers) for network in (self.actor, self.critic))
+        self.init_uniforms = self._networks_each * sum(counts)
         self.act_uniforms = 2 * env.action_size
         self.update_uniforms = env.agents * self._size * senders
-        self._sums = torch.zeros(2, self._runs, device=device)
-        self._summed = 0
+        every = (config.actor_update_every_env_steps, config.update_every_env_steps)
+        self._critic_updates_each = every[0] // every[1]  # for each of the actor
+        self.updates, self._means = 0, cohort.RunningMeans(self._runs, device)
+        self._computes = self._computed_by(env, device)
 
-    @classmethod
-    def kernel(cls, config: Config, env: Environment, device: torch.device | str) -> str:
-        """`kernels/maddpg.c`, which knows no subclass's rule, or torch."""
-        actor, critic = _networks(config, env)
-        if cls is MADDPG and serves(
-            actor.layers,
-            critic.layers,
-            observation=env.observation_size,
-            action=env.action_size,
-            dtype=env.observation_dtype,
-            shared=config.shares_parameters,
-            device=device,
-        ):
-            return NAME
-        return "torch"
+    # The rule, as the paper writes it.
 
-    def _compiled(self) -> MADDPGKernel:
+    def binary_mask(self, uniforms: Tensor) -> Tensor:
+        """Generate b, which drops the observation of each other agent with `rate` (l. 274).
+
+        uniforms: [R, update_uniforms]. Returns the keep mask [R, N, B, S, 1], for x and x' alike.
+        """
+        shape = (self._runs, self._agents, self._size, self._senders, 1)
+        return keep_mask(uniforms.view(shape), self.rate)
+
+    def improve(
+        self, minibatch: Minibatch, keep: Tensor, critic_step: int, actor_step: int | None
+    ) -> tuple[Tensor, Tensor]:
+        """Improve the critics, and the actors too unless their step is None.
+
+        keep: [R, N, B, S, 1]; the steps are Adam's, from 1.
+        Returns the losses and Q of the online critics before their step, [G, rows, 1].
+        """
+        keep = keep.transpose(1, 2)  # [R, B, N, S, 1]
+        with self.critics.descent() as theta:
+            batch = minibatch.copied()
+            obs, next_obs = batch.obs.split(self._size, 1)  # [R, B, N, O]
+            seen = self._seen(obs, batch.action, keep)  # x~
+            with torch.no_grad():
+                next_action = self.actions(next_obs, self.actors.target)
+                next_seen = self._seen(next_obs, next_action, keep)  # x~', the same mask
+                next_q = self.critic.forward(self.critics.target, *next_seen)
+                discount = batch.discount[..., None].expand(-1, -1, self._agents)  # [R, B, N]
+                reward, discount = (self._rows(x[..., None]) for x in (batch.reward, discount))
+                y = reward + self.config.gamma * discount * next_q  # [G, rows, 1]
+            q = self.critic.forward(theta, *seen)
+            loss = td_loss(q, y, "mse")
+            loss.mean((1, 2)).sum().backward()
+        if actor_step is not None:
+            own, _, others = seen
+            with self.actors.descent() as theta_mu:  # the policy gradient (l. 277)
+                action = self.actor.forward(theta_mu, own).tanh()  # the others' as replayed
+                q_mu = self.critic.forward(self.critics.online.copy(), own, action, others)
+                (-q_mu.mean((1, 2)).sum()).backward()
+        return loss.detach(), q.detach()
+
+    def actions(self, obs: Tensor, weights: Stacked | None = None) -> Tensor:
+        """Every agent's mu(o), [R, B, N, A], by the online actors or others; obs [R, B, N, O]."""
+        numbers = self.actor.forward(weights or self.actors.online, self._rows(obs))
+        if self.config.shares_parameters:
+            return numbers.view(*obs.shape[:3], -1).tanh()
+        split = numbers.view(self._runs, self._agents, obs.shape[1], -1)  # [R, N, B, A]
+        return split.transpose(1, 2).tanh()
+
+    def _seen(self, obs: Tensor, action: Tensor, keep: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+        """The critic's inputs: own o, own a and the others, [G, rows, ...].
+
+        obs: [R, B, N, O]; action: [R, B, N, A]; keep: [R, B, N, S, 1].
+        """
+        action_keep = keep if self.config.masks_actions else torch.ones_like(keep)
+        senders = self.shown_agents[:, 1:]
+        masked = apply_keep(obs[:, :, senders], keep).flatten(3)  # [R, B, N, S*O]
+        acted = apply_keep(action[:, :, senders], action_keep).flatten(3)
+        others = torch.cat((masked, acted), -1)
+        return self._rows(obs), self._rows(action), self._rows(others)
+
+    def _rows(self, each: Tensor) -> Tensor:
+        """Rows by network, [G, rows, U]; each [R, B, N, U]."""
+        if self.config.shares_parameters:
+            return each.flatten(1, 2)
+        return each.transpose(1, 2).flatten(0, 1)
+
+    # What the engine asks for.
+
+    def _computed_by(self, env: Environment, device: torch.device | str) -> "MADDPG | MADDPGKernel":
+        """Who computes `improve` and `actions`: a kernel, the same up to rounding, or this."""
         config = self.config
+        if self.kernel(config, env, device) != NAME:
+            return self
         return MADDPGKernel(
             self.actors.parts(),
             self.critics.parts(),
@@ -164,6 +216,15 @@ class MADDPG:
             tau=config.tau,
             max_gradient_norm=config.max_gradient_norm,
         )
+
+    @classmethod
+    def kernel(cls, config: Config, env: Environment, device: torch.device | str) -> str:
+        """What computes it: `kernels/maddpg.c`, which knows no subclass's rule, or torch."""
+        layers = tuple(network.layers for network in _networks(config, env))
+        inputs = (env.observation_size, env.action_size, env.observation_dtype)
+        shared = config.shares_parameters
+        known = cls is MADDPG and serves(layers, *inputs, shared=shared, device=device)
+        return NAME if known else cohort.TORCH
 
     def initialise(self, uniforms: Tensor) -> None:
         """New weights, online and target alike; uniforms [R, init_uniforms]."""
@@ -181,31 +242,19 @@ class MADDPG:
         return noisy_action(self.act_greedily(obs), uniforms, self.config.noise)
 
     def act_greedily(self, obs: Tensor, keep: Tensor | None = None) -> Tensor:
-        """The actor's action without noise, [R, E, N, A]; obs [R, E, N, O].
-
-        An actor hears nobody, so broken links (keep) mean nothing to it.
-        """
-        if self._kernel is not None:
-            return self._kernel.actions(obs)
-        return self._mu(self.actors.online, obs)
+        """The actor's action without noise; it hears nobody, so broken links change nothing."""
+        return self._computes.actions(obs)
 
     def update(self, minibatch: Minibatch, uniforms: Tensor) -> None:
         """Improve the critic, and the actor if it is due, on one minibatch with one mask.
 
-        uniforms: [R, update_uniforms], for the binary mask. The actor's first update comes with
-        the critic's first.
+        uniforms: [R, update_uniforms]. The actor's first update comes with the critic's first.
         """
-        shape = (self._runs, self._agents, self._size, self._senders, 1)
-        keep = keep_mask(uniforms.view(shape), self.rate)  # for x and x' (l. 274)
-        due, each = self.does_more(self.updates), self._critic_updates_each
-        if self._kernel is not None:  # the same up to rounding
-            steps = (self.updates + 1, self.updates // each + 1 if due else None)
-            loss, q = self._kernel.update(minibatch, keep, *steps)
-        else:
-            loss, q = self._improve(minibatch.copied(), keep.transpose(1, 2), due)
+        actor_step = self.updates // self._critic_updates_each + 1
+        steps = (self.updates + 1, actor_step if self.does_more(self.updates) else None)
+        keep = self.binary_mask(uniforms)
+        self._means.add(*self._computes.improve(minibatch, keep, *steps))
         self.updates += 1
-        self._sums += torch.stack((loss, q)).view(2, self._runs, -1).mean(2)
-        self._summed += 1
 
     def does_more(self, update: int) -> bool:
         """Whether the actor improves, too."""
@@ -213,23 +262,14 @@ class MADDPG:
 
     def metrics(self, env_steps: int) -> list[dict[str, float | None]]:
         """Each run's means of loss and Q since the last call; None without an update."""
-        learnt = self._summed > 0
-        means = (self._sums / max(self._summed, 1)).T.tolist()
-        self._sums.zero_()
-        self._summed = 0
-        return [{"loss": loss if learnt else None, "q": q if learnt else None} for loss, q in means]
+        return self._means.take()
 
     def tensors(self, run: int) -> dict[str, Tensor]:
         """Online and target weights and Adam's moments of one run, as views."""
+        halves = {"actor": self.actors.parts(), "critic": self.critics.parts()}
+        parts = {f"{half}.{name}": part for half in halves for name, part in halves[half].items()}
         first, last = run * self._networks_each, (run + 1) * self._networks_each
-        found = {
-            f"{half}.{part}.{name}": view
-            for half, networks in (("actor", self.actors), ("critic", self.critics))
-            for part, stacked in networks.parts().items()
-            for name, view in stacked.of_networks(first, last).items()
-        }
-        found["metric_sums"] = self._sums[:, run]
-        return found
+        return {**cohort.tensors_of(parts, first, last), "metric_sums": self._means.sums[:, run]}
 
     def policy(self, run: int) -> dict[str, Tensor]:
         """The actors' weights of one run, as views: [1 or N, inputs, outputs], [.., 1, outputs]."""
@@ -239,82 +279,13 @@ class MADDPG:
     @property
     def progress(self) -> tuple[int, int]:
         """Counters that a checkpoint keeps: critic updates done, updates in the running means."""
-        return self.updates, self._summed
+        return self.updates, self._means.updates
 
     def resume_at(self, *counters: int) -> None:
         """Set the counters of `progress` again."""
-        self.updates, self._summed = counters
+        self.updates, self._means.updates = counters
         self.critics.adam.resume_at(self.updates)
         self.actors.adam.resume_at(-(-self.updates // self._critic_updates_each))
-
-    @property
-    def _critic_updates_each(self) -> int:
-        """Updates of the critic for each of the actor."""
-        return self.config.actor_update_every_env_steps // self.config.update_every_env_steps
-
-    def _improve(self, batch: Batch, keep: Tensor, actor_too: bool) -> tuple[Tensor, Tensor]:
-        """The critic's losses and Q before its step, [G, rows, 1]; keep [R, B, N, S, 1]."""
-        obs, next_obs = batch.obs.split(self._size, 1)  # [R, B, N, O]
-        own, action, others = self._seen(obs, batch.action, keep)
-        next_action = self._mu(self.actors.target, next_obs)
-        next_q, _ = self.critic.forward(
-            self.critics.target, *self._seen(next_obs, next_action, keep)
-        )
-        reward = self._rows(batch.reward[..., None])  # [G, rows, 1]
-        discount = batch.discount[..., None].expand(-1, -1, self._agents)  # [R, B, N]
-        target = reward + self.config.gamma * self._rows(discount[..., None]) * next_q
-
-        q, trace = self.critic.forward(self.critics.online, own, action, others)
-        loss, slope = loss_gradient(q - target, "mse")
-        grad_q = slope / q.shape[1]
-        self.critic.backward(self.critics.online, trace, grad_q, self.critics.adam.gradient)
-        self.critics.step()
-        if actor_too:
-            self._improve_actor(own, others)
-        return loss, q
-
-    def _improve_actor(self, own: Tensor, others: Tensor | SharedOthers) -> None:
-        """Follow the policy gradient (l. 277): own action from the actor, the rest as replayed."""
-        numbers, actor_trace = self.actor.forward(self.actors.online, own)
-        action = numbers.tanh()  # [G, rows, A]
-        q, trace = self.critic.forward(self.critics.online, own, action, others)
-        descent = torch.full_like(q, -1.0 / q.shape[1])
-        grad_action = self.critic.action_gradient(self.critics.online, trace, descent)
-        grad_numbers = grad_action * (1.0 - action * action)
-        self.actor.backward(
-            self.actors.online, actor_trace, grad_numbers, self.actors.adam.gradient
-        )
-        self.actors.step()
-
-    def _mu(self, weights: Stacked, obs: Tensor) -> Tensor:
-        """Every agent's action, [R, B, N, A]; obs [R, B, N, O]."""
-        numbers, _ = self.actor.forward(weights, self._rows(obs))
-        if self.config.shares_parameters:
-            return numbers.view(*obs.shape[:3], -1).tanh()
-        split = numbers.view(self._runs, self._agents, obs.shape[1], -1)  # [R, N, B, A]
-        return split.transpose(1, 2).tanh()
-
-    def _seen(
-        self, obs: Tensor, action: Tensor, keep: Tensor
-    ) -> tuple[Tensor, Tensor, Tensor | SharedOthers]:
-        """The critic's inputs: own o, own a and the others, [G, rows, ...].
-
-        obs: [R, B, N, O]; action: [R, B, N, A]; keep: [R, B, N, S, 1].
-        """
-        own, acts = self._rows(obs), self._rows(action)
-        action_keep = keep if self.config.masks_actions else torch.ones_like(keep)
-        if self.config.shares_parameters and self._senders:  # as below, not multiplied out
-            masked = ((obs, keep), (action, action_keep))
-            return own, acts, SharedOthers(*(Blocks.of(x, k[..., 0]) for x, k in masked))
-        seen, acted = (x[:, :, self.shown_agents[:, 1:]] for x in (obs, action))  # [R, B, N, S, U]
-        others = (apply_keep(seen, keep).flatten(3), apply_keep(acted, action_keep).flatten(3))
-        return own, acts, self._rows(torch.cat(others, -1))
-
-    def _rows(self, each: Tensor) -> Tensor:
-        """Rows by network, [G, rows, U]; each [R, B, N, U]."""
-        if self.config.shares_parameters:
-            return each.flatten(1, 2)
-        return each.transpose(1, 2).reshape(self._networks, each.shape[1], each.shape[-1])
 
 
 def _networks(config: Config, env: Environment) -> tuple[Perceptron, Critic]:

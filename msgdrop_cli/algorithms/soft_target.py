@@ -1,6 +1,7 @@
 """Networks that Adam moves and a target that follows softly (`tau`), for actors and critics."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 
 import torch
 from torch import Tensor
@@ -36,9 +37,11 @@ class SoftTarget:
         initialise(self.online, uniforms)
         self.target.flat.copy_(self.online.flat)
 
-    def step(self) -> None:
-        """Move by `adam.gradient`; the target follows by the share `tau`."""
-        self.adam.step()
+    @contextmanager
+    def descent(self) -> Iterator[Stacked]:
+        """Adam's `descent`; then the target follows by the share `tau`."""
+        with self.adam.descent() as weights:
+            yield weights
         self.target.flat.lerp_(self.online.flat, self._tau)
 
     def parts(self) -> Mapping[str, Stacked]:

@@ -176,7 +176,7 @@ def _free_memory() -> int:
 
 def _rule_of_thumb(sizes: Sizes) -> float:
     """Env steps per second: a part of the time does not depend on the size of the networks."""
-    once, each_million = _RULE if sizes.kernel == "torch" else _RULE_COMPILED
+    once, each_million = _RULE if sizes.kernel.startswith("torch") else _RULE_COMPILED
     return 1e3 / (once + each_million * sizes.work / 1e6)
 
 

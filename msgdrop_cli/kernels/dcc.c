@@ -162,15 +162,15 @@ int64_t dcc_scratch_bytes(const Net *n, int64_t rows)
 }
 
 /* q [G, rows, actions] of all networks, `chunk` rows at a time. */
-void dcc_q_values(const Net *n, const Parameters *p, const Memory *m, const Factors *f,
+void dcc_q_values(const Net *n, const Parameters *p, const Memory *m, const Factors *scale,
                   int64_t rows, int64_t chunk, char *scratch, float *q)
 {
-    Work w = {.net = n, .memory = m, .factors_row = f->row};
+    Work w = {.net = n, .memory = m};
     lay_out(n, chunk, scratch, &w);
     for (w.g = 0; w.g < n->networks; w.g++)
         for (int64_t first = 0; first < rows; first += chunk) {
             const int64_t count = rows - first < chunk ? rows - first : chunk;
-            w.factors = f->values + w.g * f->network + first * f->row;
+            w.scale = own_factors(scale, w.g, first);
             for (int64_t b = 0; b < count; b++) w.row[b] = w.g / m->agents * rows + first + b;
             if (n->bytes)
                 list_inputs(&w, count);
@@ -183,16 +183,17 @@ void dcc_q_values(const Net *n, const Parameters *p, const Memory *m, const Fact
 }
 
 /* One update of every network; loss [G, B], q [G, 2B, actions] of the online networks before it. */
-void dcc_update(const Net *n, const Parameters *p, const Memory *m, const Factors *f, const Rule *r,
-                char *scratch, const Outcome *outcome)
+void dcc_update(const Net *n, const Parameters *p, const Memory *m, const Factors *mask,
+                const Factors *scale, const Rule *r, char *scratch, const Outcome *outcome)
 {
     const int64_t size = r->batch_size;
-    Work w = {.net = n, .memory = m, .factors_row = f->row};
+    Work w = {.net = n, .memory = m, .masked = size};
     float *q = outcome->q;
     lay_out(n, 2 * size, scratch, &w);
     for (w.g = 0; w.g < n->networks; w.g++) {
         const int64_t run = w.g / m->agents;
-        w.factors = f->values + w.g * f->network;
+        w.mask = own_factors(mask, w.g, 0);
+        w.scale = own_factors(scale, w.g, 0);
         for (int64_t b = 0; b < size; b++) { /* the observations, then the next ones */
             const int64_t row = m->rows[w.g * size + b];
             w.row[b] = run * m->obs_rows + row;
@@ -216,12 +217,12 @@ void dcc_update(const Net *n, const Parameters *p, const Memory *m, const Factor
 const Field dcc_fields[] = {
     SHARED_FIELDS,
     STRUCT(Net), FIELD(Net, networks), FIELD(Net, blocks), FIELD(Net, own_blocks),
-    FIELD(Net, units), FIELD(Net, bytes), FIELD(Net, factors), FIELD(Net, f1), FIELD(Net, f2),
-    FIELD(Net, g1), FIELD(Net, h1), FIELD(Net, h2),
+    FIELD(Net, units), FIELD(Net, bytes), FIELD(Net, f1), FIELD(Net, f2), FIELD(Net, g1), FIELD(Net, h1), FIELD(Net, h2),
     STRUCT(Memory), FIELD(Memory, obs), FIELD(Memory, next_row), FIELD(Memory, action),
     FIELD(Memory, reward), FIELD(Memory, discount), FIELD(Memory, rows), FIELD(Memory, shown),
     FIELD(Memory, agents), FIELD(Memory, obs_blocks), FIELD(Memory, obs_rows),
     FIELD(Memory, run_rows),
     STRUCT(Factors), FIELD(Factors, values), FIELD(Factors, network), FIELD(Factors, row),
+    FIELD(Factors, block), FIELD(Factors, unit),
     STRUCT(Rule), FIELD(Rule, gamma), FIELD(Rule, huber), FIELD(Rule, adam),
     FIELD(Rule, batch_size), {NULL, 0, 0}};

@@ -10,7 +10,7 @@
 enum { AHEAD = 4 };
 
 typedef struct {
-    int64_t networks, blocks, own_blocks, units, bytes, factors; /* a block's factors: 1 or units */
+    int64_t networks, blocks, own_blocks, units, bytes;
     Layer f1, f2, g1, h1, h2;
 } Net;
 typedef struct { /* memories of runs, of `agents` networks each; Drawn in protocol.py */
@@ -21,8 +21,10 @@ typedef struct { /* memories of runs, of `agents` networks each; Drawn in protoc
     const int64_t *rows, *shown;              /* rows NULL: all of a run's observations in order */
     int64_t agents, obs_blocks, obs_rows, run_rows; /* blocks in a row of obs; rows of a run */
 } Memory;
-typedef struct { const float *values; int64_t network, row; } Factors; /* [G, rows, blocks, 1 or
-                                                                         * units], and strides */
+typedef struct { /* of the inputs, [G, rows, blocks, 1 or units], and the strides */
+    const float *values;
+    int64_t network, row, block, unit;
+} Factors;
 typedef struct { float gamma, huber; Adam adam; int64_t batch_size; } Rule;
 
 typedef struct { Matrix x, f1, joint, h1, q; } Pass; /* [rows, units of the layer] each */
@@ -30,8 +32,8 @@ typedef struct {
     const Net *net;
     const Memory *memory;
     int64_t g;            /* the network */
-    const float *factors; /* its first row's */
-    int64_t factors_row;
+    Factors mask, scale;  /* its own: of the first `masked` rows, of those after them */
+    int64_t masked;
     Pass online, target;
     Matrix grad_q, grad_h1, grad_joint, grad_f1;
     float *padded, *gradient, *turned;
@@ -68,10 +70,19 @@ static void list_inputs(const Work *w, int64_t rows)
     }
 }
 
+/* Those of network g, from row `first` on. */
+static Factors own_factors(const Factors *f, int64_t g, int64_t first)
+{
+    Factors own = *f;
+    own.values += g * f->network + first * f->row;
+    return own;
+}
+
 static Factor factor_of(const Work *w, int64_t b, int64_t j)
 {
-    const int64_t factors = w->net->factors;
-    return (Factor){w->factors + b * w->factors_row + j * factors, factors > 1};
+    const Factors *f = b < w->masked ? &w->mask : &w->scale;
+    const int64_t row = b < w->masked ? b : b - w->masked;
+    return (Factor){f->values + row * f->row + j * f->block, f->unit};
 }
 
 /* x [rows, blocks * units] = the observations of rows `first` on times the factors from row 0 on */

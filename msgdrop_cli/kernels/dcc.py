@@ -30,10 +30,10 @@ _CHUNK = 64
 
 def serves(
     layers: Layers,
-    *,
     observation: int,
     dtype: torch.dtype,
-    max_gradient_norm: float,
+    *,
+    clips: bool,
     device: torch.device | str,
 ) -> bool:
     """Whether dcc.c was written for such networks, inputs and settings, and is there.
@@ -48,7 +48,7 @@ def serves(
         and all(width % LANES == 0 for width in hidden)
         and actions <= LANES
         and observation < 2**16  # nonzeros.h numbers a block's inputs in two bytes
-        and max_gradient_norm == 0
+        and not clips
     )
     return known and library() is not None
 
@@ -60,6 +60,7 @@ class DCCKernel:
         self,
         parts: Mapping[str, Stacked],
         shown: Tensor,
+        scale: Tensor,
         *,
         observation: int,
         dtype: torch.dtype,
@@ -68,11 +69,15 @@ class DCCKernel:
         gamma: float,
         huber: bool,
     ) -> None:
-        """parts: online, target, exp_avg, exp_avg_sq; shown: [N, 1+S], whom an agent is shown."""
+        """parts: online, target, exp_avg, exp_avg_sq; shown [N, 1+S]; scale [G, 1, 1+S, 1].
+
+        shown: whom agent i is shown; scale: the factors of Q_exec.
+        """
         functions = library()
         assert functions is not None
         functions.dcc_scratch_bytes.restype = c_int64
         self._functions, self._shown, self._dtype = functions, shown, dtype
+        self._scale = scale.expand(-1, batch_size, -1, -1)  # every row's, at one place
         self._learning_rate, self._gamma, self._huber = learning_rate, gamma, huber
         self._parameters = parameters(parts)
         online = parts["online"]
@@ -80,24 +85,26 @@ class DCCKernel:
         found = found if len(found) == 5 else [*found[:2], Layer(), *found[2:]]
         own_blocks, blocks = found[0].inputs // observation, shown.shape[1]
         sizes = (online.networks, blocks, own_blocks, observation)
-        self._net = DCCNet(*sizes, dtype == torch.uint8, 1, *found)
+        self._net = DCCNet(*sizes, dtype == torch.uint8, *found)
         self._loss = torch.zeros(online.networks, batch_size)
         self._q = torch.zeros(online.networks, 2 * batch_size, found[-1].outputs)
         self._outcome = outcome(self._loss, self._q)
         self._scratch: dict[int, Tensor] = {}
 
-    def update(self, minibatch: Minibatch, factor: Tensor, step: int) -> tuple[Tensor, Tensor]:
-        """Adam's `step`-th step, from 1; factor [G, 2B, 1+S, 1 or O].
+    def minimise(self, minibatch: Minibatch, keep: Tensor, step: int) -> tuple[Tensor, Tensor]:
+        """Adam's `step`-th step, from 1; keep [G, B, 1+S, 1 or O].
 
         Returns the losses [G, B] and Q of the online networks [G, 2B, A], kept until the next call.
         """
-        size = self._loss.shape[1]
+        size, blocks = self._loss.shape[1], self._shown.shape[1]
+        assert keep.shape[:3] == (len(self._loss), size, blocks)
         step_of_adam = adam(self._learning_rate, step)
         self._functions.dcc_update(
             byref(self._net),
             byref(self._parameters),
             byref(_memory(minibatch)),
-            byref(self._factors(factor)),
+            byref(_factors(keep)),
+            byref(_factors(self._scale)),
             byref(DCCRule(self._gamma, self._huber, step_of_adam, size)),
             self._buffers(2 * size),
             byref(self._outcome),
@@ -114,7 +121,7 @@ class DCCKernel:
             byref(self._net),
             byref(self._parameters),
             byref(memory),
-            byref(self._factors(factor)),
+            byref(_factors(factor)),
             c_int64(rows),
             c_int64(_CHUNK),
             self._buffers(_CHUNK),
@@ -122,16 +129,19 @@ class DCCKernel:
         )
         return q
 
-    def _factors(self, factor: Tensor) -> Structure:
-        self._net.factors = factor.shape[-1]
-        return Factors(factor.data_ptr(), factor.stride(0), factor.stride(1))
-
     def _buffers(self, rows: int) -> c_void_p:
         """The buffers for so many rows."""
         if rows not in self._scratch:
             size = self._functions.dcc_scratch_bytes(byref(self._net), c_int64(rows))
             self._scratch[rows] = torch.empty(size, dtype=torch.uint8)
         return pointer(self._scratch[rows])
+
+
+def _factors(factor: Tensor) -> Structure:
+    """The last stride is 0 where a whole block has one factor."""
+    assert factor.shape[-1] == 1 or factor.stride(-1) == 1
+    strides = (*factor.stride()[:3], int(factor.shape[-1] > 1))
+    return Factors(factor.data_ptr(), *strides)
 
 
 def _memory(m: Minibatch) -> Structure:

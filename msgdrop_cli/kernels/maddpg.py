@@ -26,20 +26,20 @@ NAME = "c-maddpg"
 
 
 def serves(
-    actor: Layers,
-    critic: Layers,
-    *,
+    networks: tuple[Layers, ...],
     observation: int,
     action: int,
     dtype: torch.dtype,
+    *,
     shared: bool,
     device: torch.device | str,
 ) -> bool:
-    """Whether maddpg.c was written for such networks and inputs, and is there.
+    """Whether maddpg.c was written for such an actor, critic and inputs, and is there.
 
     The agents must share the networks. First layers and f's second one may have any width from
     3 * LANES on, the others a multiple of LANES; there must be no more numbers of an action.
     """
+    actor, critic = networks
     widths = [outputs for _, outputs in critic.values()]
     wide, narrow = widths[:-2], [widths[-2], next(iter(actor.values()))[1]]
     known = (
@@ -89,7 +89,7 @@ class MADDPGKernel:
         memory = functions.maddpg_scratch_bytes(byref(self._net), c_int64(batch_size))
         self._scratch = torch.empty(memory, dtype=torch.uint8)
 
-    def update(
+    def improve(
         self, minibatch: Minibatch, keep: Tensor, critic_step: int, actor_step: int | None
     ) -> tuple[Tensor, Tensor]:
         """Improve the critics, and the actors too unless their step is None.

@@ -44,7 +44,7 @@ Outcome = _structure("Outcome", **_each(c_void_p, "loss q"))
 
 DCCNet = _structure(
     "Net",
-    **_each(c_int64, "networks blocks own_blocks units bytes factors"),
+    **_each(c_int64, "networks blocks own_blocks units bytes"),
     **_each(Layer, "f1 f2 g1 h1 h2"),
 )
 DCCMemory = _structure(
@@ -52,7 +52,7 @@ DCCMemory = _structure(
     **_each(c_void_p, "obs next_row action reward discount rows shown"),
     **_each(c_int64, "agents obs_blocks obs_rows run_rows"),
 )
-Factors = _structure("Factors", values=c_void_p, **_each(c_int64, "network row"))
+Factors = _structure("Factors", values=c_void_p, **_each(c_int64, "network row block unit"))
 DCCRule = _structure("Rule", **_each(c_float, "gamma huber"), adam=Adam, batch_size=c_int64)
 
 MADDPGNet = _structure(

@@ -2,7 +2,7 @@
 
 from torch import Tensor
 
-from msgdrop_cli.networks.stacked import Apart, Layers, Stacked, dense, dense_backward, through_relu
+from msgdrop_cli.networks.stacked import Layers, Stacked, dense
 
 
 class Perceptron:
@@ -15,26 +15,9 @@ class Perceptron:
             f"layer{n}": (widths[n - 1], widths[n]) for n in range(1, len(widths))
         }
 
-    def forward(
-        self, weights: Stacked, inputs: Tensor | Apart
-    ) -> tuple[Tensor, list[Tensor | Apart]]:
-        """inputs: [G, B, inputs]; returns Q [G, B, A] and the inputs of every layer."""
-        trace: list[Tensor | Apart] = [inputs]
+    def forward(self, weights: Stacked, inputs: Tensor) -> Tensor:
+        """Q [G, B, A] of inputs [G, B, inputs]."""
         *hidden, last = self.layers
         for name in hidden:
-            trace.append(dense(weights[name], trace[-1]).relu_())
-        return dense(weights[last], trace[-1]), trace
-
-    def backward(
-        self,
-        weights: Stacked,
-        trace: list[Tensor | Apart],
-        grad_q: Tensor,
-        gradients: Stacked,
-    ) -> None:
-        """Write the gradients for the first grad_q.shape[1] rows of the trace; grad_q [G, B, A]."""
-        gradient = grad_q
-        for name, inputs in zip(reversed(list(self.layers)), reversed(trace), strict=True):
-            dense_backward(gradients[name], inputs, gradient)
-            if isinstance(inputs, Tensor) and inputs is not trace[0]:
-                gradient = through_relu(weights[name], gradient, inputs)
+            inputs = dense(weights[name], inputs).relu()
+        return dense(weights[last], inputs)

@@ -7,23 +7,13 @@ many runs it is stacked with (test_independence).
 
 import math
 from collections.abc import Mapping
-from typing import Any, NamedTuple, Protocol
+from typing import NamedTuple, Protocol
 
 import torch
 from torch import Tensor
 
 Layers = Mapping[str, tuple[int, int]]
 """Layer name to (inputs, outputs)."""
-
-
-class Apart(Protocol):
-    """Inputs [G, B, in] of a first layer that are not multiplied out, or not with what is 0."""
-
-    def times(self, weight: Tensor, bias: Tensor) -> Tensor:
-        """The inputs times weight [G, in, out] plus bias [G, 1, out]: [G, B, out]."""
-
-    def gradient(self, grad_output: Tensor, out: Tensor) -> None:
-        """Write dL/dweight into `out` [G, in, out]; grad_output [G, rows, out], of the first."""
 
 
 class Dense(NamedTuple):
@@ -36,17 +26,31 @@ class Dense(NamedTuple):
 class Stacked:
     """The weights (or gradients, or moments) of G networks: `flat`, and views by layer name."""
 
-    def __init__(self, layers: Layers, networks: int, device: torch.device | str = "cpu") -> None:
+    def __init__(
+        self,
+        layers: Layers,
+        networks: int,
+        device: torch.device | str = "cpu",
+        *,
+        flat: Tensor | None = None,
+    ) -> None:
+        """Zeros, or the numbers of `flat`, which is as long as another Stacked's of the kind."""
         self.layers = layers
         self.networks = networks
         sizes = [networks * (i + 1) * o for i, o in layers.values()]
-        self.flat = torch.zeros(math.ceil(sum(sizes) / 64) * 64, device=device)
+        padded = math.ceil(sum(sizes) / 64) * 64
+        self.flat = torch.zeros(padded, device=device) if flat is None else flat
         self.views: dict[str, Dense] = {}
         start = 0
         for (name, (i, o)), size in zip(layers.items(), sizes, strict=True):
             weight, bias = self.flat[start : start + size].split([networks * i * o, networks * o])
             self.views[name] = Dense(weight.view(networks, i, o), bias.view(networks, 1, o))
             start += size
+
+    def copy(self, *, learns: bool = False) -> "Stacked":
+        """The same numbers in a tensor of their own, for autograd; with a gradient if it learns."""
+        flat = self.flat.clone().requires_grad_(learns)
+        return Stacked(self.layers, self.networks, flat=flat)
 
     def __getitem__(self, layer: str) -> Dense:
         return self.views[layer]
@@ -67,11 +71,8 @@ class Network(Protocol):
     hears: int
     """S, the senders whose messages are among its inputs."""
 
-    def forward(self, weights: Stacked, inputs: Tensor | Apart) -> tuple[Tensor, Any]:
-        """Q [G, B, A] of the inputs [G, B, (1+S)*O], and a trace for `backward`."""
-
-    def backward(self, weights: Stacked, trace: Any, grad_q: Tensor, gradients: Stacked) -> None:
-        """Write the gradients of the trace's first rows; grad_q [G, rows, A]."""
+    def forward(self, weights: Stacked, inputs: Tensor) -> Tensor:
+        """Q [G, B, A] of the inputs [G, B, (1+S)*O]."""
 
 
 def parameter_count(layers: Layers) -> int:
@@ -94,34 +95,12 @@ def initialise(weights: Stacked, uniforms: Tensor) -> None:
             start += count
 
 
-def dense(layer: Dense, inputs: Tensor | Apart) -> Tensor:
-    """Inputs [G, B, in] times weight plus bias: [G, B, out]."""
-    if not isinstance(inputs, Tensor):
-        return inputs.times(*layer)
-    if layer.weight.shape[-1] == 1:  # one column: see `dense_backward`
-        return (inputs * layer.weight.mT).sum(-1, keepdim=True) + layer.bias
-    return torch.baddbmm(layer.bias, inputs, layer.weight)
+def dense(layer: Dense, inputs: Tensor) -> Tensor:
+    """Inputs [G, B, in] times weight plus bias: [G, B, out].
 
-
-def dense_backward(gradient: Dense, inputs: Tensor | Apart, grad_output: Tensor) -> None:
-    """Write dL/dweight and dL/dbias into `gradient`.
-
-    grad_output: [G, rows, out], for the first rows of the inputs [G, B, in]. A product with one
-    column is no business of the matrix library: it takes a matrix-vector routine if G is 1, and
+    One column is no business of the matrix library: it takes a matrix-vector routine if G is 1, and
     on some processors that one adds up in another order (test_products).
     """
-    torch.sum(grad_output, 1, keepdim=True, out=gradient.bias)
-    if not isinstance(inputs, Tensor):
-        inputs.gradient(grad_output, out=gradient.weight)
-        return
-    rows = inputs[:, : grad_output.shape[1]]
-    if grad_output.shape[-1] == 1:
-        torch.sum(rows * grad_output, 1, out=gradient.weight.squeeze(-1))
-    else:
-        torch.bmm(rows.mT, grad_output, out=gradient.weight)
-
-
-def through_relu(layer: Dense, grad_output: Tensor, activation: Tensor) -> Tensor:
-    """dL/d(input of the ReLU that made `activation`, the input of `layer`): [G, rows, in]."""
-    rows = activation[:, : grad_output.shape[1]]
-    return torch.bmm(grad_output, layer.weight.mT).mul_(rows > 0)
+    if layer.weight.shape[-1] == 1:
+        return (inputs * layer.weight.mT).sum(-1, keepdim=True) + layer.bias
+    return torch.baddbmm(layer.bias, inputs, layer.weight)

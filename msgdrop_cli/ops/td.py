@@ -4,6 +4,7 @@ from typing import Literal
 
 import torch
 from torch import Tensor
+from torch.nn.functional import huber_loss, mse_loss
 
 
 def double_q_target(
@@ -24,16 +25,13 @@ def double_q_target(
     return reward + discount * next_q_target.gather(-1, best).squeeze(-1)
 
 
-def loss_gradient(error: Tensor, loss: Literal["mse", "huber"]) -> tuple[Tensor, Tensor]:
-    """The loss of each sample and its derivative by the error.
+def td_loss(q: Tensor, target: Tensor, loss: Literal["mse", "huber"]) -> Tensor:
+    """The loss of each sample: `mse` is the paper's squared error (l. 244).
 
-    error: [...]. `mse` is the paper's squared error (l. 244); `huber` (delta 1) is the one of
-    OpenAI baselines. Returns two tensors [...].
+    q, target: [...]. `huber` (delta 1) is the one of OpenAI baselines. Returns [...].
     """
-    if loss == "mse":
-        return error.square(), 2.0 * error
-    clipped = error.clamp(-1.0, 1.0)
-    return clipped * (error - 0.5 * clipped), clipped
+    function = mse_loss if loss == "mse" else huber_loss
+    return function(q, target, reduction="none")
 
 
 def clip_factors(gradients: Tensor, limit: float) -> Tensor:
