@@ -120,7 +120,7 @@ def main(arguments: Sequence[str]) -> int:
     parser.add_argument("--profile", default="paper")
     parser.add_argument("--device", default="cpu", help="cpu or cuda")
     parser.add_argument("--seeds", help="a number of seeds (3) or a list (1,5,9)")
-    parser.add_argument("--set", action="append", default=[], help="algorithm.rate=0.3")
+    parser.add_argument("--set", action="append", default=[], help="algorithm.gamma=0.9")
     parser.add_argument("--workers", type=int, default=os.cpu_count(), help="processes")
     parser.add_argument("--seeds-at-once", type=int, help="on a GPU, stacked (default: all)")
     parser.add_argument("--detach", action="store_true", help="return at once, work on")

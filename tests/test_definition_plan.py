@@ -71,12 +71,12 @@ def test_the_variant_lies_over_the_profile() -> None:
 def test_set_lies_over_everything() -> None:
     """`--set` replaces the variant's values; of two the last one counts."""
     overrides = [
-        "algorithm.rate=0.5",
-        "algorithm.rate = 1",
+        "variants.high.algorithm.rate=0.5",
+        "variants.high.algorithm.rate = 1",
         "algorithm.dropout=element",
         "algorithm.widths=[3, 4]",
-        "training.games=7",
-        "environment.time_limit=8",
+        "variants.high.training.games=7",
+        "variants.high.environment.time_limit=8",
     ]
     spec = plan(DEFINITION, "quick", CATALOGUE, overrides=overrides).runs[0].spec
     assert (spec.algorithm_config.rate, spec.algorithm_config.dropout) == (1.0, "element")
@@ -98,8 +98,10 @@ def test_set_lies_over_everything() -> None:
         ("training.games=0", "--set: training: games must be at least 1, not 0"),
         ("training.games=1\nx=2", "--set: training.games: expected a value such as 3, 0.5, true, "
          "fgh or [64, 48], not '1\\nx=2'"),
-        ("rate=1", "--set: expected a path and a value (algorithm.rate=0.3), not 'rate=1'"),
-        ("", "--set: expected a path and a value (algorithm.rate=0.3), not ''"),
+        ("rate=1", "--set: expected a path and a value (algorithm.gamma=0.9, "
+         "variants.NAME.algorithm.rate=0.3), not 'rate=1'"),
+        ("", "--set: expected a path and a value (algorithm.gamma=0.9, "
+         "variants.NAME.algorithm.rate=0.3), not ''"),
     ],
 )  # fmt: skip
 def test_a_bad_override_is_one_clear_line(override: str, message: str) -> None:
@@ -216,8 +218,9 @@ def test_train_refuses_names_that_are_none(algorithms: list[str]) -> None:
 def test_random_overrides_never_raise_anything_else() -> None:
     """2,000 random overrides are taken or refused with one printable line."""
     rng = random.Random(3)
-    paths = ["algorithm.rate", "training.games", "environment.time_limit", "algorithm.widths"]
+    paths = ["variants.low.algorithm.rate", "training.train_env_steps", "environment.agents"]
     paths += ["algorithm", "a.b.c", "algorithm.dropout", ".", "", "algorithm.\x00", "training.x"]
+    paths += ["algorithm.widths", "algorithm.rate", "variants", "variants.high.algorithm.widths"]
     bits = (
         ["1"] * 20
         + ["0.5"] * 20

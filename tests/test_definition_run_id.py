@@ -82,8 +82,8 @@ def test_the_id_does_not_depend_on_the_process() -> None:
 def test_one_number_has_one_id_however_it_is_written() -> None:
     """A rate given as `0`, `0.0`, `-0.0` or by an integer default is one run."""
     ids = {
-        plan(DEFINITION, "paper", CATALOGUE, overrides=overrides).runs[0].run_id
-        for overrides in (["algorithm.rate=0"], ["algorithm.rate=0.0"], ["algorithm.rate=-0.0"])
+        plan(DEFINITION, "paper", CATALOGUE, overrides=[override]).runs[0].run_id
+        for override in (f"variants.plain.algorithm.rate={zero}" for zero in ("0", "0.0", "-0.0"))
     }
     default = next(
         run for run in plan(DEFINITION, "paper", CATALOGUE).runs
@@ -94,11 +94,13 @@ def test_one_number_has_one_id_however_it_is_written() -> None:
     assert default.run_id == run_id(written)
 
 
-def test_the_same_run_in_two_variants_has_one_id() -> None:
-    """With one rate for all, `low` and `plain` are one run."""
-    runs = plan(DEFINITION, "paper", CATALOGUE, overrides=["algorithm.rate=0.5"], seeds=[1]).runs
-    by_variant = {run.variant: run.run_id for run in runs if run.spec.environment == "tiny-n2"}
-    assert by_variant["plain"] == by_variant["low"] != by_variant["high"]
+def test_the_same_run_in_two_plans_has_one_id() -> None:
+    """`plain` with the rate that `low` has by its name is a run of `low`."""
+    overrides = ["variants.plain.algorithm.rate=0.2", "variants.low.algorithm.rate=0.4"]
+    made = (plan(DEFINITION, "paper", CATALOGUE, overrides=each) for each in (overrides, []))
+    overridden, asked = ({run.variant: run.run_id for run in each.runs} for each in made)
+    assert overridden["plain"] == asked["low"] != overridden["low"]
+    assert overridden["high"] == asked["high"]
 
 
 def test_the_spec_survives_json() -> None:

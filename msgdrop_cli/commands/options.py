@@ -17,7 +17,12 @@ Profile = Annotated[
 ]
 Set = Annotated[
     list[str] | None,
-    typer.Option("--set", metavar="A.B=V", help="Override a setting, e.g. algorithm.rate=0.3."),
+    typer.Option(
+        "--set",
+        metavar="A.B=V",
+        help="Override a setting of all variants, e.g. algorithm.gamma=0.9, or of one, e.g. "
+        "variants.md-0.2.algorithm.rate=0.3.",
+    ),
 ]
 Seeds = Annotated[
     str | None, typer.Option(metavar="N|A,B,..", help="A number of seeds (3) or a list (1,5,9).")

@@ -45,6 +45,22 @@ class Catalogue:
             raise DefinitionError(f"no algorithm is called {name[:64]!r}; {known}")
         return self.algorithms[name]
 
+    def fixed(self, name: str) -> set[str]:
+        """The fields of the Config that make an algorithm the one that people call `name`.
+
+        Those that the name sets, and the choices (no numbers) in which it differs from another
+        name of its learner: `dcc-md` with `dropout = "element"` would be `dcc-sd`, while the rate
+        of `dcc-md` is free. Raises DefinitionError for an unknown one.
+        """
+        mine = self.algorithm(name)
+        return set(mine.overrides) | {
+            field
+            for other in self.algorithms.values()
+            if other.learner == mine.learner
+            for field, value in other.overrides.items()
+            if isinstance(value, str | bool)
+        }
+
     def config_class(self, learner: str) -> type[Any]:
         """The Config of the learner's file `learner`; DefinitionError for an unknown one."""
         classes = {named.learner: named.config_class for named in self.algorithms.values()}

@@ -1,15 +1,22 @@
 """From a definition to the runs it asks for, every setting resolved and checked.
 
-Precedence: the paper's settings < the named algorithm < profile < variant < `--set`.
+Precedence: the paper's settings < the named algorithm < profile < variant < `--set`. What a variant
+sets itself is overridden by its own name only: `--set variants.md-0.2.algorithm.rate=0.3`.
 """
 
-import re
-import tomllib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
 from msgdrop_cli.definition.catalogue import Catalogue
+from msgdrop_cli.definition.overrides import (
+    Override,
+    applied,
+    check_arms,
+    check_variants,
+    described,
+    parse_override,
+)
 from msgdrop_cli.definition.run_id import run_id
 from msgdrop_cli.definition.spec import (
     NAME,
@@ -24,9 +31,6 @@ from msgdrop_cli.definition.spec import (
 from msgdrop_cli.definition.strict import Where, overlay, shallow, shown
 from msgdrop_cli.errors import DefinitionError, nearest
 
-_SECTIONS = ("algorithm", "environment", "training")
-_BARE_WORD = re.compile(r"[A-Za-z][A-Za-z0-9._-]*")
-_KEY = re.compile(r"[A-Za-z0-9_-]+")
 _MOST_SEEDS = 1_000
 _LARGEST_SEED = 2**31 - 1
 
@@ -38,7 +42,7 @@ class Plan:
     definition: Definition
     profile: str
     runs: tuple[PlannedRun, ...]
-    """Environment by environment, variant by variant, seed by seed. Two may have one run id."""
+    """Environment by environment, variant by variant, seed by seed; no two are one."""
     broken_links: tuple[float, ...]
     evaluation_episodes: int
 
@@ -65,7 +69,8 @@ def plan(
     """The runs of one profile, with `--set` overrides and seeds that replace the profile's.
 
     Raises DefinitionError, in one line: unknown profile, environment, algorithm or key, a value
-    of the wrong type or out of range, or a seed that is refused.
+    of the wrong type or out of range, a seed that is refused, an override of what a variant sets
+    itself, or two variants that are one.
     """
     where = Where(definition.file)
     if profile not in definition.profiles:
@@ -76,13 +81,18 @@ def plan(
         numbers = _checked_seeds(chosen.seeds, where.at("profiles").at(profile).at("seeds"))
     else:
         numbers = _checked_seeds(tuple(seeds), Where("--seeds"))
-    resolver = _Resolver(definition, profile, catalogue, _parsed_overrides(overrides))
+    arms = {name: definition.variants[name] for name in chosen.variants or definition.variants}
+    changes = tuple(parse_override(text) for text in overrides)
+    check_variants(changes, tuple(arms))
+    resolver = _Resolver(definition, profile, catalogue, changes)
     runs = [
         resolver.run(environment, variant, seed)
         for environment in chosen.environments or definition.environments
-        for variant in chosen.variants or definition.variants
+        for variant in arms
         for seed in numbers
     ]
+    check_arms(changes, arms, catalogue)  # when the values are known to be good
+    _check_distinct(runs, where.at("profiles").at(profile))
     return Plan(
         definition=definition,
         profile=profile,
@@ -133,6 +143,20 @@ def parse_seeds(text: str) -> tuple[int, ...]:
     return _checked_seeds(numbers if "," in text else numbers[0], where)
 
 
+def _check_distinct(runs: Sequence[PlannedRun], where: Where) -> None:
+    """Refuse (DefinitionError) two variants that are one run: they would be compared as two."""
+    first: dict[str, PlannedRun] = {}
+    for run in runs:
+        other = first.setdefault(run.run_id, run)
+        if other.variant != run.variant:
+            because = "with this --set " if run.overrides != other.overrides else ""
+            raise where.error(
+                f"variants {other.variant} and {run.variant} are one run on"
+                f" {run.spec.environment}: {because}all their settings are equal;"
+                " change or leave out one"
+            )
+
+
 def _checked_seeds(seeds: int | tuple[int, ...], where: Where) -> tuple[int, ...]:
     if isinstance(seeds, int):
         if not 1 <= seeds <= _MOST_SEEDS:
@@ -153,7 +177,7 @@ class _Resolver:
     definition: Definition
     profile: str
     catalogue: Catalogue
-    overrides: tuple[tuple[str, dict[str, Any]], ...]
+    overrides: tuple[Override, ...]
 
     def run(self, environment: str, variant: str, seed: int) -> PlannedRun:
         arm = self.definition.variants[variant]
@@ -190,6 +214,7 @@ class _Resolver:
             definition=self.definition.name,
             profile=self.profile,
             spec=spec,
+            overrides=described(applied(self.overrides, variant), spec),
         )
 
     def _resolved(
@@ -205,41 +230,12 @@ class _Resolver:
             *paper,
             (file.at("profiles").at(self.profile).at(section), scale),
             (file.at("variants").at(variant).at(section), own),
-            *((Where("--set").at(section), t) for named, t in self.overrides if named == section),
+            *(
+                (each.where, {each.key: each.value})
+                for each in applied(self.overrides, variant)
+                if each.section == section
+            ),
         ]
         made = overlay(cls, layers)
         # Once more through the types: a default written 0 for a float gives the run id of 0.0.
         return overlay(cls, [(file, shallow(made))])
-
-
-def _parsed_overrides(overrides: Sequence[str]) -> tuple[tuple[str, dict[str, Any]], ...]:
-    """`algorithm.rate=0.3` as `("algorithm", {"rate": 0.3})`, in the order given."""
-    return tuple(_parsed_override(text) for text in overrides)
-
-
-def _parsed_override(text: str) -> tuple[str, dict[str, Any]]:
-    where = Where("--set")
-    path, equals, value = text.partition("=")
-    keys = [key.strip() for key in path.split(".")]
-    if not equals or not all(_KEY.fullmatch(key) for key in keys) or len(keys) != 2:
-        raise where.error(f"expected a path and a value (algorithm.rate=0.3), not {shown(text)}")
-    section, key = keys
-    if section not in _SECTIONS:
-        known = nearest(section[:64], _SECTIONS)
-        raise where.at(section).error(
-            f"a path begins with algorithm, environment or training; {known}"
-        )
-    return section, {key: _literal(value.strip(), where.at(section).at(key))}
-
-
-def _literal(text: str, where: Where) -> Any:
-    """A value in TOML's notation; a bare word is a text."""
-    try:
-        table = tomllib.loads(f"value = {text}")
-    except (ValueError, RecursionError):
-        table = {}
-    if set(table) == {"value"}:
-        return table["value"]
-    if _BARE_WORD.fullmatch(text):
-        return text
-    raise where.error(f"expected a value such as 3, 0.5, true, fgh or [64, 48], not {shown(text)}")

@@ -34,7 +34,7 @@ def run_id(spec: RunSpec) -> str:
 
     A field is cosmetic if its metadata says `cosmetic=True`: it never changes a result.
     """
-    return short_hash(_table(spec, cosmetic=False))
+    return short_hash(spec_to_dict(spec, cosmetic=False))
 
 
 def short_hash(table: Mapping[str, Any]) -> str:
@@ -43,9 +43,17 @@ def short_hash(table: Mapping[str, Any]) -> str:
     return hashlib.sha256(text.encode()).hexdigest()[:8]
 
 
-def spec_to_dict(spec: RunSpec) -> dict[str, Any]:
-    """The whole spec, ready for JSON: `{"environment": {"name": ...}, "algorithm": {...}, ...}`."""
-    return _table(spec, cosmetic=True)
+def spec_to_dict(spec: RunSpec, *, cosmetic: bool = True) -> dict[str, Any]:
+    """The spec, ready for JSON: `{"environment": {"name": ...}, "algorithm": {...}, ...}`.
+
+    cosmetic: with the fields that do not enter the run id.
+    """
+    return {
+        "environment": {"name": spec.environment, **_plain(spec.environment_config, cosmetic)},
+        "algorithm": {"learner": spec.algorithm, **_plain(spec.algorithm_config, cosmetic)},
+        "training": _plain(spec.training, cosmetic),
+        "seed": spec.seed,
+    }
 
 
 def spec_from_dict(table: Any, catalogue: Catalogue, where: Where | str = "spec") -> RunSpec:
@@ -75,15 +83,6 @@ def _split(cls: Any, table: Mapping[str, Any], where: Where) -> tuple[Any, dict[
     head = {key: value for key, value in table.items() if key in names}
     rest = {key: value for key, value in table.items() if key not in names}
     return build(cls, head, where), rest
-
-
-def _table(spec: RunSpec, *, cosmetic: bool) -> dict[str, Any]:
-    return {
-        "environment": {"name": spec.environment, **_plain(spec.environment_config, cosmetic)},
-        "algorithm": {"learner": spec.algorithm, **_plain(spec.algorithm_config, cosmetic)},
-        "training": _plain(spec.training, cosmetic),
-        "seed": spec.seed,
-    }
 
 
 def _plain(value: Any, cosmetic: bool) -> Any:

@@ -60,6 +60,8 @@ class PlannedRun:
     definition: str
     profile: str
     spec: RunSpec
+    overrides: tuple[str, ...] = ()
+    """What `--set` changed: `algorithm.gamma=0.9`, `variants.md-0.2.algorithm.rate=0.3`."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
