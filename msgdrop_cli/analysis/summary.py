@@ -8,11 +8,13 @@ measured; failed and diverged ones are counted beside them.
 import json
 from collections import defaultdict
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
+from itertools import groupby
 from types import MappingProxyType
 from typing import Any, NamedTuple
 
-from msgdrop_cli.analysis.metrics import UNKNOWN, Metric, Metrics, metrics_of
+from msgdrop_cli.analysis.evaluations import Measured, comparable
+from msgdrop_cli.analysis.metrics import UNKNOWN, Metrics, metrics_of
 from msgdrop_cli.analysis.statistics import (
     Interval,
     bootstrap_interval,
@@ -22,9 +24,8 @@ from msgdrop_cli.analysis.statistics import (
 )
 from msgdrop_cli.definition.spec import TrainingSpec
 from msgdrop_cli.errors import RecordError
-from msgdrop_cli.records.packed import log_file
 from msgdrop_cli.records.references import References, game_key
-from msgdrop_cli.records.store import EPISODES, RunRecord
+from msgdrop_cli.records.store import RunRecord
 
 BOOTSTRAP_SEED = 20190127
 """Seed of every bootstrap, so that the same records give the same interval (ours)."""
@@ -54,7 +55,9 @@ class Row:
     iqm_interval: Interval | None
     """The same of the interquartile mean."""
     episodes: int
-    """Evaluation episodes of each seed (the smallest number, if they differ)."""
+    """Evaluation episodes of each seed: as many as of every other row of its group."""
+    recorded: int
+    """The most that a seed has in its record; the first `episodes` of them count."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -91,6 +94,8 @@ class Summary:
     bootstrap_seed: int
     references: Mapping[str, References]
     """What policies that learn nothing get, by `game_key`."""
+    left_out: int
+    """Evaluations with fewer episodes than are compared, which are in no row."""
 
     @property
     def groups(self) -> tuple[Group, ...]:
@@ -121,12 +126,14 @@ def summarise(
     *,
     order: Sequence[str] = (),
     references: Mapping[str, References] = MappingProxyType({}),
+    episodes: int | None = None,
     bootstrap_seed: int = BOOTSTRAP_SEED,
 ) -> Summary:
     """Sort runs into arms and measure them.
 
     order: variants to put first, in this order; the rest follows by name. references: what is
-    known of the games, by `game_key`. A run that is in the records twice (published and local)
+    known of the games, by `game_key`. episodes: how many of each evaluation count, for all that is
+    compared; None: see `comparable`. A run that is in the records twice (published and local)
     counts once. Raises RecordError for unreadable rows.
     """
     runs: dict[tuple[Group, str, str], list[RunRecord]] = defaultdict(list)
@@ -137,11 +144,22 @@ def summarise(
         setups[group, variant].append(setup)
     ranks = {variant: rank for rank, variant in enumerate(order)}
     keys = sorted(runs, key=lambda key: (key[0], ranks.get(key[1], len(ranks)), *key[1:]))
-    arms = (
-        _arm(key[0], runs[key], _differences(key[2], setups[key[:2]]), bootstrap_seed)
-        for key in keys
+    arms: list[Arm] = []
+    left_out = 0
+    for _, group_keys in groupby(keys, key=lambda key: key[0]):
+        alike = [_arm(runs[key], _differences(key[2], setups[key[:2]])) for key in group_keys]
+        found = comparable([(arm.done, arm.metrics.all) for arm in alike], episodes)
+        left_out += found.left_out
+        arms += [
+            replace(
+                arm,
+                rows=tuple(_rows(arm.metrics, measured, found.episodes, bootstrap_seed)),
+            )
+            for arm, measured in zip(alike, found.arms, strict=True)
+        ]
+    return Summary(
+        arms=tuple(arms), bootstrap_seed=bootstrap_seed, references=references, left_out=left_out
     )
-    return Summary(arms=tuple(arms), bootstrap_seed=bootstrap_seed, references=references)
 
 
 def _once_each(records: Iterable[RunRecord]) -> list[RunRecord]:
@@ -190,13 +208,13 @@ def _leaves(table: Mapping[str, Any], prefix: str = "") -> Iterable[tuple[str, A
             yield f"{prefix}{key}", value
 
 
-def _arm(group: Group, runs: list[RunRecord], suffix: str, bootstrap_seed: int) -> Arm:
+def _arm(runs: Sequence[RunRecord], suffix: str) -> Arm:
+    """The runs of one variant under one set-up, not yet measured."""
     done = tuple(run for run in runs if run.status == "done")
     failed = sum(run.status == "failed" for run in runs)
     diverged = sum(run.status == "diverged" for run in runs)
-    metrics = metrics_of((done or runs)[0])
     return Arm(
-        group=group,
+        group=_group(runs[0]),
         variant=runs[0].variant,
         label=runs[0].label + suffix,
         setup=json.loads(_setup(runs[0])),
@@ -204,22 +222,18 @@ def _arm(group: Group, runs: list[RunRecord], suffix: str, bootstrap_seed: int) 
         failed=failed,
         diverged=diverged,
         unfinished=len(runs) - len(done) - failed - diverged,
-        metrics=metrics,
-        rows=tuple(_rows(done, metrics.all, bootstrap_seed)),
+        metrics=metrics_of((done or runs)[0]),
+        rows=(),
     )
 
 
 def _rows(
-    done: Sequence[RunRecord], metrics: Sequence[Metric], bootstrap_seed: int
+    metrics: Metrics, measured: Measured, episodes: int, bootstrap_seed: int
 ) -> Iterable[Row]:
     import numpy as np
 
-    evaluations: dict[float, dict[int, _Evaluation]] = defaultdict(dict)
-    for record in done:
-        for broken_links, evaluation in _evaluations(record, metrics).items():
-            evaluations[broken_links][record.seed] = evaluation
-    for broken_links, seeds in sorted(evaluations.items()):
-        for metric in metrics:
+    for broken_links, seeds in sorted(measured.items()):
+        for metric in metrics.all:
             by_seed = {seed: evaluation.values[metric.name] for seed, evaluation in seeds.items()}
             values = list(by_seed.values())
             # A generator of its own for each row: an interval must not depend on its neighbours.
@@ -232,31 +246,9 @@ def _rows(
                 iqm=interquartile_mean(values),
                 interval=bootstrap_interval(values, rng),
                 iqm_interval=iqm_interval(values, rng),
-                episodes=min(evaluation.episodes for evaluation in seeds.values()),
+                episodes=episodes,
+                recorded=max(evaluation.recorded for evaluation in seeds.values()),
             )
-
-
-class _Evaluation(NamedTuple):
-    """One run under one fraction of broken links."""
-
-    episodes: int
-    values: Mapping[str, float]
-
-
-def _evaluations(record: RunRecord, metrics: Sequence[Metric]) -> dict[float, _Evaluation]:
-    by_links: dict[float, list[Mapping[str, Any]]] = defaultdict(list)
-    try:
-        for row in record.episodes():
-            by_links[float(row["broken_links"])].append(row)
-        return {
-            broken_links: _Evaluation(len(rows), {each.name: each.value(rows) for each in metrics})
-            for broken_links, rows in by_links.items()
-        }
-    except (KeyError, TypeError, ValueError, ZeroDivisionError) as error:
-        raise RecordError(
-            f"{log_file(record.path / EPISODES)}: an episode's row is not readable ({error!r}); "
-            "evaluate this run again"
-        ) from error
 
 
 def _json_lines(arm: Arm) -> Iterable[dict[str, Any]]:

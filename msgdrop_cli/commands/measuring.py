@@ -40,6 +40,7 @@ def measure(
                 records,
                 results,
                 broken_links=broken_links,
+                episodes=episodes,
                 claims=_judgeable(question, records) if question else (),
                 order=tuple(question.variants) if question else (),
                 figures=results / FIGURES / question.name if question else None,

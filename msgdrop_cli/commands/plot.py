@@ -19,11 +19,12 @@ def plot(results: options.Folder = Path("results"), json: options.Json = False) 
     """
     from msgdrop_cli.analysis.summary import summarise
     from msgdrop_cli.commands.references import references_of
-    from msgdrop_cli.commands.reporting import FIGURES
+    from msgdrop_cli.commands.reporting import FIGURES, note_left_out
     from msgdrop_cli.report.figures import draw_all
 
     records = list_runs(results)
     summary = summarise(records, references=references_of(records, results))
+    note_left_out(summary)
     paths = draw_all(summary, results / FIGURES)
     if json:
         console.result_json([str(path) for path in paths])

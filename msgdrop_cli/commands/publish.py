@@ -35,6 +35,7 @@ def publish(
     from msgdrop_cli.analysis.summary import summarise
     from msgdrop_cli.commands.estimate import survey
     from msgdrop_cli.commands.references import references_of
+    from msgdrop_cli.commands.reporting import note_left_out
     from msgdrop_cli.commands.training import as_planned
     from msgdrop_cli.engine.catalogue import catalogue
     from msgdrop_cli.report.figures import draw_all
@@ -58,6 +59,7 @@ def publish(
     folder = to / f"{definition.name}-{profile}"
     order = tuple(definition.variants)
     summary = summarise(records, order=order, references=references_of(records, folder))
+    note_left_out(summary)
     text = tables(summary, judge_claims(asked.claims, summary))
     copies = copy(records, folder)  # what cannot be summarised is not published
     write_atomic(folder / "TABLES.md", text.encode())

@@ -10,6 +10,7 @@ from msgdrop_cli.analysis.summary import Summary, summarise
 from msgdrop_cli.commands import console
 from msgdrop_cli.commands.evaluating import only
 from msgdrop_cli.commands.references import references_of
+from msgdrop_cli.commands.words import several
 from msgdrop_cli.definition.spec import Claim
 from msgdrop_cli.records.store import RunRecord
 from msgdrop_cli.report.figures import draw_all
@@ -26,6 +27,7 @@ def report(
     root: Path,
     *,
     broken_links: Sequence[float],
+    episodes: int,
     claims: Sequence[Claim] = (),
     order: Sequence[str] = (),
     figures: Path | None = None,
@@ -34,12 +36,15 @@ def report(
 ) -> None:
     """Show one table per group of comparable runs, the claims' verdicts, and the figures' paths.
 
-    With several fractions of broken links a second table stands them side by side. Reference
+    With several fractions of broken links a second table stands them side by side. Every number is
+    of the first `episodes` of an evaluation. Reference
     policies are looked for, and kept, in the results folder `root`. The numbers may have taken
     minutes, so they are shown before a figure can fail.
     Raises RecordError: rows that cannot be read, or figures that cannot be written (73, 74).
     """
-    everything = summarise(records, order=order, references=references_of(records, root))
+    everything = summarise(
+        records, order=order, references=references_of(records, root), episodes=episodes
+    )
     summary = only(everything, broken_links)
     verdicts = judge_claims(claims, summary)
     if as_json:
@@ -51,6 +56,8 @@ def report(
             console.table(broken_links_table(summary, group), numbers_from=_TEXT_COLUMNS)
     if verdicts:
         _show(verdicts)
+    if figures:
+        note_left_out(everything)
     for number, path in enumerate(draw_all(everything, figures) if figures else []):
         console.result(("" if number or verdicts else "\n") + f"figure  {path}")
 
@@ -76,6 +83,12 @@ def _report_json(
                 "figures": [str(path) for path in drawn],
             }
         )
+
+
+def note_left_out(summary: Summary) -> None:
+    """Say that figures or tables are without evaluations that are too short to be compared."""
+    if summary.left_out:
+        console.note(f"left out, with fewer episodes: {several(summary.left_out, 'evaluation')}")
 
 
 def _show(verdicts: Sequence[Verdict]) -> None:

@@ -151,6 +151,7 @@ def _report(asked: Plan, options: TrainOptions, outcomes: Sequence[Outcome]) -> 
             report(
                 records,
                 options.results,
+                episodes=asked.evaluation_episodes,
                 claims=asked.claims,
                 order=tuple(asked.definition.variants),
                 broken_links=asked.broken_links,

@@ -45,13 +45,11 @@ def results_table(summary: Summary, group: Group, broken_links: float = 0.0) -> 
     rows += _reference_rows(
         references, [metrics.headline.name, None, *(each.name for each in others)]
     )
-    episodes = {
-        row.episodes for arm in arms for row in arm.rows if row.broken_links == broken_links
-    }
+    shown = [row for arm in arms for row in arm.rows if row.broken_links == broken_links]
     evaluation = (
-        f"{_span(episodes)} greedy evaluation episodes per seed, {links_text(broken_links)} of the "
-        f"links broken"
-        if episodes
+        f"{_first(shown)}{shown[0].episodes:,} greedy evaluation episodes per seed, "
+        f"{links_text(broken_links)} of the links broken"
+        if shown
         else "not evaluated yet"
     )
     return Table(
@@ -84,11 +82,15 @@ def broken_links_table(summary: Summary, group: Group) -> Table:
     ]
     references = summary.references_of(group)
     rows += _reference_rows(references, [headline.name] * len(fractions))
+    shown = [row for arm in arms for row in arm.rows]
+    about = _about(group)
+    if first := _first(shown):
+        about += f"; {first}{shown[0].episodes:,} evaluation episodes per seed"
     return Table(
         title=f"Broken links, {group.environment} ({group.profile})",
         headers=("variant", "seeds", *(f"{links_text(each)} broken" for each in fractions)),
         rows=tuple(rows),
-        caption=f"{headline.label} [95% interval]; {_about(group)}. {_headline_note(headline)}"
+        caption=f"{headline.label} [95% interval]; {about}. {_headline_note(headline)}"
         + _references_note(references),
     )
 
@@ -210,9 +212,9 @@ def _number(value: float, size: float | None = None) -> str:
     return text.removeprefix("-") if not any(c in "123456789" for c in text) else text
 
 
-def _span(numbers: set[int]) -> str:
-    low, high = min(numbers), max(numbers)
-    return f"{low:,}" if low == high else f"{low:,} to {high:,}"
+def _first(rows: Sequence[Row]) -> str:
+    """What stands before the number of episodes where somebody has played more than are shown."""
+    return "the first " if any(row.recorded > row.episodes for row in rows) else ""
 
 
 def _about(group: Group) -> str:

@@ -1,0 +1,107 @@
+"""What finished runs did in their evaluations: every metric over raw episodes, channel by channel.
+
+Numbers that are compared come from equally many episodes: the first of each evaluation, by their
+numbers.
+"""
+
+from collections import defaultdict
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
+
+from msgdrop_cli.analysis.metrics import Metric
+from msgdrop_cli.errors import RecordError
+from msgdrop_cli.records.packed import log_file
+from msgdrop_cli.records.store import EPISODES, RunRecord
+
+
+class Evaluation(NamedTuple):
+    """One run under one fraction of broken links."""
+
+    recorded: int
+    """Episodes in the record."""
+    values: Mapping[str, float]
+    """Each metric, over as many of them as are compared."""
+
+
+Measured = dict[float, dict[int, Evaluation]]
+"""The evaluations of one arm: fraction of broken links, then seed."""
+
+
+class Comparable(NamedTuple):
+    """The evaluations of arms that stand side by side."""
+
+    arms: list[Measured]
+    episodes: int
+    """Of each evaluation; 0 without any."""
+    left_out: int
+    """Evaluations with fewer episodes, which are in no arm."""
+
+
+def comparable(
+    arms: Sequence[tuple[Sequence[RunRecord], Sequence[Metric]]], episodes: int | None
+) -> Comparable:
+    """Measure the finished runs of each arm over the first `episodes` of each evaluation.
+
+    None: as many as every run has of its lowest fraction of broken links, so that a short look at
+    another one takes nothing from the main numbers. Raises RecordError for unreadable rows.
+    """
+    measured = [_measured(runs, metrics, episodes) for runs, metrics in arms]
+    if episodes is None:
+        episodes = min(
+            (each.recorded for arm in measured if arm for each in arm[min(arm)].values()), default=0
+        )
+        measured = [
+            _measured(runs, metrics, episodes) if _most(arm) > episodes else arm
+            for arm, (runs, metrics) in zip(measured, arms, strict=True)
+        ]
+    kept = [_with(episodes, arm) for arm in measured]
+    return Comparable(arms=kept, episodes=episodes, left_out=_count(measured) - _count(kept))
+
+
+def _measured(
+    runs: Sequence[RunRecord], metrics: Sequence[Metric], episodes: int | None
+) -> Measured:
+    measured: Measured = defaultdict(dict)
+    for record in runs:
+        for links, evaluation in _evaluations(record, metrics, episodes).items():
+            measured[links][record.seed] = evaluation
+    return measured
+
+
+def _most(arm: Measured) -> int:
+    return max((each.recorded for seeds in arm.values() for each in seeds.values()), default=0)
+
+
+def _with(episodes: int, arm: Measured) -> Measured:
+    """The evaluations that have as many episodes."""
+    enough = {
+        links: {seed: each for seed, each in seeds.items() if each.recorded >= episodes}
+        for links, seeds in arm.items()
+    }
+    return {links: seeds for links, seeds in enough.items() if seeds}
+
+
+def _count(arms: Sequence[Measured]) -> int:
+    return sum(len(seeds) for arm in arms for seeds in arm.values())
+
+
+def _evaluations(
+    record: RunRecord, metrics: Sequence[Metric], episodes: int | None
+) -> dict[float, Evaluation]:
+    """Each fraction of broken links of one run, over its first `episodes` (None: all)."""
+    by_links: dict[float, list[Mapping[str, Any]]] = defaultdict(list)
+    try:
+        for row in sorted(record.episodes(), key=lambda row: row["episode"]):
+            by_links[float(row["broken_links"])].append(row)
+        return {
+            links: Evaluation(
+                recorded=len(rows),
+                values={each.name: each.value(rows[:episodes]) for each in metrics},
+            )
+            for links, rows in by_links.items()
+        }
+    except (KeyError, TypeError, ValueError, ZeroDivisionError) as error:
+        raise RecordError(
+            f"{log_file(record.path / EPISODES)}: an episode's row is not readable ({error!r}); "
+            "evaluate this run again"
+        ) from error
