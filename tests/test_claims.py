@@ -178,3 +178,33 @@ def test_nobody_wins_by_leaving_out_runs_that_diverged(
     records = write_arm(tmp_path, "dcc", LOW) + write_arm(tmp_path, "md-0.2", HIGH)
     records.append(write_run(tmp_path, variant, 7, status="diverged"))
     assert verdict_on(records).verdict == word
+
+
+def test_no_claim_was_about_a_variant_that_was_overridden(tmp_path: Path) -> None:
+    """What `--set` changed of one of the two leaves it undecided; the numbers stay."""
+    records = write_arm(tmp_path, "dcc", LOW)
+    records += write_arm(tmp_path, "md-0.2", HIGH, overrides=["variants.md-0.2.algorithm.rate=0.3"])
+    verdict = verdict_on(records)
+    assert (verdict.verdict, verdict.difference) == ("undecided", 10.0)
+    assert verdict.reason == "md-0.2 was overridden: algorithm.rate=0.3"
+
+
+def test_what_was_overridden_of_both_is_told(tmp_path: Path) -> None:
+    """It is another scale, as a profile is."""
+    both = {"overrides": ["algorithm.gamma=0.9"]}
+    records = write_arm(tmp_path, "dcc", LOW, **both) + write_arm(tmp_path, "md-0.2", HIGH, **both)
+    verdict = verdict_on(records)
+    assert verdict.verdict == "supported"
+    assert verdict.reason.endswith("(6 paired seeds); both with algorithm.gamma=0.9")
+
+
+def test_one_run_under_two_names_is_not_compared_with_itself(tmp_path: Path) -> None:
+    """Two questions may have published it, each by its own name."""
+    records = write_arm(tmp_path, "dcc", LOW)
+    records += [
+        replace(record, run={**record.run, "variant": "md-0.2", "label": "MD"})
+        for record in records
+    ]
+    verdict = verdict_on(records)
+    assert verdict.verdict == "undecided"
+    assert verdict.reason == "md-0.2 and dcc are one run under two names"

@@ -90,7 +90,7 @@ def test_set_ups_in_one_group_are_told_apart_by_their_label(tmp_path: Path) -> N
     """Two rows of one variant name the field that differs."""
     records = [write_run(tmp_path, "dcc", 1, algorithm={"gamma": gamma}) for gamma in (0.9, 0.99)]
     labels = [arm.label for arm in summarise(records).arms]
-    assert labels == ["DCC (algorithm.gamma=0.9)", "DCC (algorithm.gamma=0.99)"]
+    assert labels == ["DCC (gamma=0.9)", "DCC (gamma=0.99)"]
 
 
 def test_cosmetic_fields_do_not_split_an_arm(tmp_path: Path) -> None:
@@ -257,3 +257,27 @@ def test_a_log_that_goes_back_is_refused(tmp_path: Path) -> None:
     log.write_text(log.read_text() * 2)
     with pytest.raises(RecordError, match=r"metrics\.jsonl: env_steps 250 does not follow 1000"):
         learning_mean(record, HEADLINE)
+
+
+def test_a_label_says_what_was_overridden(tmp_path: Path) -> None:
+    """Once, also where it is what two set-ups of a variant differ in."""
+    records = [
+        write_run(tmp_path, "dcc", 1, algorithm={"gamma": 0.99}),
+        write_run(tmp_path, "dcc", 1, algorithm={"gamma": 0.9}, overrides=["algorithm.gamma=0.9"]),
+        write_run(tmp_path, "md-0.2", 1, overrides=["variants.md-0.2.algorithm.rate=0.3"]),
+    ]
+    labels = [arm.label for arm in summarise(records).arms]
+    assert labels == ["DCC (gamma=0.9)", "DCC (gamma=0.99)", "MD-0.2 (rate=0.3)"]
+
+
+def test_what_was_overridden_of_all_is_said_of_the_group(tmp_path: Path) -> None:
+    """No label grows by it; what was overridden of one variant stays in its label."""
+    of_all, of_one = "algorithm.gamma=0.9", "variants.md-0.2.algorithm.rate=0.3"
+    records = [
+        write_run(tmp_path, "dcc", 1, overrides=[of_all]),
+        write_run(tmp_path, "md-0.2", 1, overrides=[of_all, of_one]),
+    ]
+    summary = summarise(records)
+    assert summary.overrides_of(GROUP) == (of_all,)
+    assert [arm.label for arm in summary.arms] == ["DCC", "MD-0.2 (rate=0.3)"]
+    assert summarise(records[1:]).arms[0].label == "MD-0.2 (rate=0.3)"

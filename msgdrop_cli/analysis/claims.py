@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Literal
 
 from msgdrop_cli.analysis.curves import learning_mean
+from msgdrop_cli.analysis.labels import without_variant
 from msgdrop_cli.analysis.statistics import bootstrap_interval, difference_interval, mean
 from msgdrop_cli.analysis.summary import Arm, Group, Summary
 from msgdrop_cli.definition.spec import Claim
@@ -121,6 +122,9 @@ def _judge_in(group: Group, claim: Claim, summary: Summary) -> Verdict:
         if reason:
             return Verdict(claim=claim, verdict="undecided", reason=reason, group=group)
     (better, better_values), (worse, worse_values) = found
+    if {run.run_id for run in better.done} & {run.run_id for run in worse.done}:
+        reason = f"{better.variant} and {worse.variant} are one run under two names"
+        return Verdict(claim=claim, verdict="undecided", reason=reason, group=group)
     rng = np.random.default_rng(summary.bootstrap_seed)
     metric = better.metrics.find(claim.metric)
     higher = metric is None or metric.higher_is_better
@@ -130,7 +134,19 @@ def _judge_in(group: Group, claim: Claim, summary: Summary) -> Verdict:
         # Leaving out the runs that broke down flatters an arm; it may lose by that, never win.
         reason = f"{ahead.variant} is ahead only without its {lost} failed or diverged runs"
         return replace(verdict, verdict="undecided", reason=reason, group=group)
-    return replace(verdict, group=group)
+    return replace(_as_overridden(verdict, better, worse), group=group)
+
+
+def _as_overridden(verdict: Verdict, better: Arm, worse: Arm) -> Verdict:
+    """The verdict with what was overridden: of both, it is told; of one, no claim was about it."""
+    shared = [each for each in better.overrides if each in worse.overrides]
+    for arm in (better, worse):
+        if own := [each for each in arm.overrides if each not in shared]:
+            settings = (without_variant(each, arm.variant) for each in own)
+            reason = f"{arm.variant} was overridden: {', '.join(settings)}"
+            return replace(verdict, verdict="undecided", reason=reason)
+    told = f"{verdict.reason}; both with {', '.join(shared)}" if shared else verdict.reason
+    return replace(verdict, reason=told)
 
 
 def _values(claim: Claim, arm: Arm) -> Mapping[int, float]:

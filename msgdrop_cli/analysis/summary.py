@@ -9,11 +9,12 @@ import json
 from collections import defaultdict
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
-from itertools import groupby
+from itertools import chain, groupby
 from types import MappingProxyType
 from typing import Any, NamedTuple
 
 from msgdrop_cli.analysis.evaluations import Measured, comparable
+from msgdrop_cli.analysis.labels import remarks, shared_overrides
 from msgdrop_cli.analysis.metrics import UNKNOWN, Metrics, metrics_of
 from msgdrop_cli.analysis.statistics import (
     Interval,
@@ -67,7 +68,10 @@ class Arm:
     group: Group
     variant: str
     label: str
-    """For people; names the fields that differ where a variant has several set-ups in a group."""
+    """For people; names what was overridden of this variant and not of its whole group, and the
+    fields that differ where a variant has several set-ups in a group."""
+    overrides: tuple[str, ...]
+    """What `--set` changed: `algorithm.gamma=0.9`, `variants.md-0.2.algorithm.rate=0.3`."""
     setup: Mapping[str, Any]
     """The spec of its runs without the seed and without cosmetic fields."""
     done: tuple[RunRecord, ...]
@@ -111,6 +115,10 @@ class Summary:
         """The arms that may be compared with each other."""
         return tuple(arm for arm in self.arms if arm.group == group)
 
+    def overrides_of(self, group: Group) -> tuple[str, ...]:
+        """What `--set` changed of all arms of a group alike, which no label says."""
+        return shared_overrides([arm.overrides for arm in self.arms_of(group)])
+
     def references_of(self, group: Group) -> References | None:
         """The reference policies of a group's game; None if its arms play by different rules."""
         games = {game_key(arm.setup["environment"]) for arm in self.arms_of(group)}
@@ -139,20 +147,18 @@ def summarise(
     runs: dict[tuple[Group, str, str], list[RunRecord]] = defaultdict(list)
     for record in _once_each(records):
         runs[_group(record), record.variant, _setup(record)].append(record)
-    setups: dict[tuple[Group, str], list[str]] = defaultdict(list)
-    for group, variant, setup in sorted(runs):
-        setups[group, variant].append(setup)
     ranks = {variant: rank for rank, variant in enumerate(order)}
     keys = sorted(runs, key=lambda key: (key[0], ranks.get(key[1], len(ranks)), *key[1:]))
     arms: list[Arm] = []
     left_out = 0
     for _, group_keys in groupby(keys, key=lambda key: key[0]):
-        alike = [_arm(runs[key], _differences(key[2], setups[key[:2]])) for key in group_keys]
+        alike = [_arm(runs[key]) for key in group_keys]
         found = comparable([(arm.done, arm.metrics.all) for arm in alike], episodes)
         left_out += found.left_out
         arms += [
             replace(
                 arm,
+                label=_label(arm, alike),
                 rows=tuple(_rows(arm.metrics, measured, found.episodes, bootstrap_seed)),
             )
             for arm, measured in zip(alike, found.arms, strict=True)
@@ -192,31 +198,24 @@ def _setup(record: RunRecord) -> str:
     return json.dumps(spec, sort_keys=True)
 
 
-def _differences(setup: str, setups: Sequence[str]) -> str:
-    """The fields in which one set-up of a variant differs from the others, as ` (a.b=1)`."""
-    leaves = [dict(_leaves(json.loads(each))) for each in setups]
-    mine = dict(_leaves(json.loads(setup)))
-    differing = [key for key in mine if len({str(other.get(key)) for other in leaves}) > 1]
-    return f" ({', '.join(f'{key}={mine[key]}' for key in differing)})" if differing else ""
+def _label(arm: Arm, alike: Sequence[Arm]) -> str:
+    shared = shared_overrides([each.overrides for each in alike])
+    own = [each for each in arm.overrides if each not in shared]
+    setups = [each.setup for each in alike if each.variant == arm.variant]
+    return arm.label + remarks(arm.variant, own, arm.setup, setups)
 
 
-def _leaves(table: Mapping[str, Any], prefix: str = "") -> Iterable[tuple[str, Any]]:
-    for key, value in table.items():
-        if isinstance(value, dict):
-            yield from _leaves(value, f"{prefix}{key}.")
-        else:
-            yield f"{prefix}{key}", value
-
-
-def _arm(runs: Sequence[RunRecord], suffix: str) -> Arm:
-    """The runs of one variant under one set-up, not yet measured."""
+def _arm(runs: Sequence[RunRecord]) -> Arm:
+    """The runs of one variant under one set-up, neither measured nor told from others."""
     done = tuple(run for run in runs if run.status == "done")
     failed = sum(run.status == "failed" for run in runs)
     diverged = sum(run.status == "diverged" for run in runs)
+    overrides = tuple(dict.fromkeys(chain.from_iterable(run.overrides for run in runs)))
     return Arm(
         group=_group(runs[0]),
         variant=runs[0].variant,
-        label=runs[0].label + suffix,
+        label=runs[0].label,
+        overrides=overrides,
         setup=json.loads(_setup(runs[0])),
         done=done,
         failed=failed,

@@ -23,6 +23,7 @@ from msgdrop_cli.commands.shapes import check_claims
 from msgdrop_cli.commands.words import duration, several, size
 from msgdrop_cli.definition.plan import Plan, plan
 from msgdrop_cli.definition.spec import Definition, PlannedRun
+from msgdrop_cli.definition.strict import one_line
 from msgdrop_cli.errors import RecordError
 from msgdrop_cli.records.store import RunRecord, list_runs, run_path
 from msgdrop_cli.report.table import links_text
@@ -172,6 +173,7 @@ def as_planned(record: RunRecord, planned: PlannedRun) -> RunRecord:
     names = {
         "variant": planned.variant,
         "label": planned.label,
+        "overrides": list(planned.overrides),
         "definition": planned.definition,
         "profile": planned.profile,
     }
@@ -216,6 +218,7 @@ def _plan_facts(
         "question": definition.question,
         "source": definition.source,
         "profile": f"{asked.profile}, on {', '.join(environments)}",
+        **({"overridden": one_line(", ".join(options.overrides))} if options.overrides else {}),
         "variants": ", ".join(variants),
         "seeds": ", ".join(map(str, seeds)),
         "runs": runs,
@@ -256,6 +259,7 @@ def _outcome_json(run: PlannedRun, record: RunRecord | None) -> dict[str, Any]:
         "variant": run.variant,
         "environment": run.spec.environment,
         "seed": run.spec.seed,
+        "overrides": list(run.overrides),
         "status": record.status if record else "planned",
         "reason": record.reason if record else None,
         "env_steps": record.env_steps if record else 0,

@@ -56,6 +56,7 @@ class _Run:
     profile: str
     status: Status
     reason: str | None = None
+    overrides: tuple[str, ...] = ()
     environment: str
     seed: int
     spec: Mapping[str, Any]
@@ -92,6 +93,11 @@ class RunRecord:
     def label(self) -> str:
         """What tables and figures call the variant."""
         return str(self.run["label"])
+
+    @property
+    def overrides(self) -> tuple[str, ...]:
+        """What `--set` changed: `algorithm.gamma=0.9`, `variants.md-0.2.algorithm.rate=0.3`."""
+        return tuple(self.run.get("overrides", ()))
 
     @property
     def environment(self) -> str:
@@ -199,6 +205,7 @@ def create_run(path: Path, planned: PlannedRun, facts: Mapping[str, Any]) -> Run
         "run_id": planned.run_id,
         "variant": planned.variant,
         "label": planned.label,
+        "overrides": list(planned.overrides),
         "definition": planned.definition,
         "profile": planned.profile,
         "status": "planned",

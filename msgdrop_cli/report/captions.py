@@ -20,10 +20,12 @@ def footer(summary: Summary, group: Group, arms: Sequence[Arm], measure: str) ->
         shown = f"{counts[0]} to {counts[-1]} seeds a variant"
     lost = sum(arm.failed + arm.diverged for arm in summary.arms_of(group))
     commits = sorted({str(run.run.get("commit") or "?")[:7] for arm in arms for run in arm.done})
+    overrides = dict.fromkeys(each for arm in arms for each in arm.overrides)
     facts = [
         group.environment,
         f"profile {group.profile}",
         f"{group.train_env_steps:,} env steps a run",
+        *([f"overridden: {', '.join(overrides)}"] if overrides else []),
         shown,
         *([f"{lost} failed or diverged runs left out"] if lost else []),
         f"commit{'s' * (len(commits) > 1)} {', '.join(commits)}",

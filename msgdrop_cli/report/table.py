@@ -53,7 +53,8 @@ def results_table(summary: Summary, group: Group, broken_links: float = 0.0) -> 
         else "not evaluated yet"
     )
     return Table(
-        title=f"{group.environment} after {group.train_env_steps:,} env steps ({group.profile})",
+        title=f"{group.environment} after {group.train_env_steps:,} env steps "
+        f"({_scale(summary, group)})",
         headers=(
             "variant",
             "seeds",
@@ -62,7 +63,7 @@ def results_table(summary: Summary, group: Group, broken_links: float = 0.0) -> 
             *(each.label for each in others),
         ),
         rows=tuple(rows),
-        caption=f"{_about(group)}; {evaluation}. {_headline_note(metrics.headline)}"
+        caption=f"{_about(summary, group)}; {evaluation}. {_headline_note(metrics.headline)}"
         + _references_note(references),
     )
 
@@ -83,11 +84,11 @@ def broken_links_table(summary: Summary, group: Group) -> Table:
     references = summary.references_of(group)
     rows += _reference_rows(references, [headline.name] * len(fractions))
     shown = [row for arm in arms for row in arm.rows]
-    about = _about(group)
+    about = _about(summary, group)
     if first := _first(shown):
         about += f"; {first}{shown[0].episodes:,} evaluation episodes per seed"
     return Table(
-        title=f"Broken links, {group.environment} ({group.profile})",
+        title=f"Broken links, {group.environment} ({_scale(summary, group)})",
         headers=("variant", "seeds", *(f"{links_text(each)} broken" for each in fractions)),
         rows=tuple(rows),
         caption=f"{headline.label} [95% interval]; {about}. {_headline_note(headline)}"
@@ -217,10 +218,17 @@ def _first(rows: Sequence[Row]) -> str:
     return "the first " if any(row.recorded > row.episodes for row in rows) else ""
 
 
-def _about(group: Group) -> str:
+def _about(summary: Summary, group: Group) -> str:
+    overrides = ", ".join(summary.overrides_of(group))
     return (
         f"{group.environment}, profile {group.profile}, {group.train_env_steps:,} env steps a run"
+        + (f", overridden: {overrides}" if overrides else "")
     )
+
+
+def _scale(summary: Summary, group: Group) -> str:
+    """What stands in brackets behind a title."""
+    return group.profile + (", overridden" if summary.overrides_of(group) else "")
 
 
 def _headline_note(metric: Metric) -> str:
