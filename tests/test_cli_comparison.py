@@ -1,4 +1,4 @@
-"""What the command line says of numbers that are compared: overrides, episodes."""
+"""What the command line says of numbers that are compared: overrides, episodes, whose claims."""
 
 import json
 import re
@@ -93,3 +93,11 @@ def test_figures_leave_out_short_evaluations_with_a_note(store: Store, tmp_path:
     drawn = msgdrop("plot", copy.results)
     assert "left out, with fewer episodes: 8 evaluations" in drawn.err
     assert "broken-links" not in drawn.out
+
+
+def test_claims_are_the_papers_only_where_they_are(store: Store) -> None:
+    """Over the claims of somebody's own file stands no more than `Claims`."""
+    assert "\nClaims\n" in store.said.out
+    assert "of the paper" not in store.said.out
+    shipped = msgdrop("unstable-test", store.results, "--episodes", "3", "--workers", "1")
+    assert "\nClaims of the paper\n" in shipped.out

@@ -99,7 +99,7 @@ def table(shown: "Table", *, numbers_from: int = 1) -> None:
     _print(sys.stdout, *parts)
 
 
-def verdicts(rows: Sequence[tuple[str, str, str, str]]) -> None:
+def verdicts(title: str, rows: Sequence[tuple[str, str, str, str]]) -> None:
     """Show claims as paragraphs of (verdict, claim, what was compared, why)."""
     from rich.padding import Padding
     from rich.table import Table as RichTable
@@ -113,7 +113,7 @@ def verdicts(rows: Sequence[tuple[str, str, str, str]]) -> None:
         grid.add_row(
             Text(verdict, style=_VERDICTS.get(verdict, "none")), Padding(body, (0, 0, 1, 0))
         )
-    _print(sys.stdout, "", Text("Claims of the paper", style="bold"), "", grid)
+    _print(sys.stdout, "", Text(title, style="bold"), "", grid)
 
 
 class Progress:

@@ -42,6 +42,7 @@ def measure(
                 broken_links=broken_links,
                 episodes=episodes,
                 claims=_judgeable(question, records) if question else (),
+                of_the_paper=question is not None and question.shipped,
                 order=tuple(question.variants) if question else (),
                 figures=results / FIGURES / question.name if question else None,
                 as_json=as_json,

@@ -29,6 +29,7 @@ def report(
     broken_links: Sequence[float],
     episodes: int,
     claims: Sequence[Claim] = (),
+    of_the_paper: bool = False,
     order: Sequence[str] = (),
     figures: Path | None = None,
     as_json: bool = False,
@@ -37,7 +38,7 @@ def report(
     """Show one table per group of comparable runs, the claims' verdicts, and the figures' paths.
 
     With several fractions of broken links a second table stands them side by side. Every number is
-    of the first `episodes` of an evaluation. Reference
+    of the first `episodes` of an evaluation. of_the_paper: who states the claims. Reference
     policies are looked for, and kept, in the results folder `root`. The numbers may have taken
     minutes, so they are shown before a figure can fail.
     Raises RecordError: rows that cannot be read, or figures that cannot be written (73, 74).
@@ -55,7 +56,7 @@ def report(
         if len(broken_links) > 1:
             console.table(broken_links_table(summary, group), numbers_from=_TEXT_COLUMNS)
     if verdicts:
-        _show(verdicts)
+        _show(verdicts, "Claims of the paper" if of_the_paper else "Claims")
     if figures:
         note_left_out(everything)
     for number, path in enumerate(draw_all(everything, figures) if figures else []):
@@ -91,12 +92,12 @@ def note_left_out(summary: Summary) -> None:
         console.note(f"left out, with fewer episodes: {several(summary.left_out, 'evaluation')}")
 
 
-def _show(verdicts: Sequence[Verdict]) -> None:
+def _show(verdicts: Sequence[Verdict], title: str) -> None:
     """Claims as paragraphs: their sentences are too long for the cells of a terminal's table."""
     rows = []
     for claim, tested_on, compared, difference, verdict, why in claims_table(verdicts).rows:
         rows.append((verdict, claim, f"{compared}: difference {difference}", f"{why}; {tested_on}"))
-    console.verdicts(rows)
+    console.verdicts(title, rows)
 
 
 def _verdict_json(verdict: Verdict) -> dict[str, Any]:

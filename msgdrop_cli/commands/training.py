@@ -154,6 +154,7 @@ def _report(asked: Plan, options: TrainOptions, outcomes: Sequence[Outcome]) -> 
                 options.results,
                 episodes=asked.evaluation_episodes,
                 claims=asked.claims,
+                of_the_paper=asked.definition.shipped,
                 order=tuple(asked.definition.variants),
                 broken_links=asked.broken_links,
                 figures=options.results / FIGURES / f"{asked.definition.name}-{asked.profile}",

@@ -63,13 +63,14 @@ def load_definition(name_or_path: str) -> Definition:
     Raises DefinitionError: one line that names the file, the key and what was expected.
     """
     if name_or_path.endswith(".toml") or os.sep in name_or_path:
-        return _parsed(Path(name_or_path).stem, name_or_path, _read(Path(name_or_path)))
+        content = _read(Path(name_or_path))
+        return _parsed(Path(name_or_path).stem, name_or_path, content, shipped=False)
     shipped = _shipped()
     if name_or_path not in shipped:
         hint = nearest(name_or_path[:64], shipped)
         raise DefinitionError(f"no ablation is called {name_or_path[:64]!r}; {hint}")
     file = shipped[name_or_path]
-    return _parsed(name_or_path, file.name, file.read_bytes())
+    return _parsed(name_or_path, file.name, file.read_bytes(), shipped=True)
 
 
 def list_definitions() -> list[str]:
@@ -101,7 +102,7 @@ def _read(path: Path) -> bytes:
         raise where.error(f"cannot be read: {error}") from error
 
 
-def _parsed(name: str, file: str, content: bytes) -> Definition:
+def _parsed(name: str, file: str, content: bytes, *, shipped: bool) -> Definition:
     where = Where(file)
     _check_names([name], where)
     try:
@@ -125,6 +126,7 @@ def _parsed(name: str, file: str, content: bytes) -> Definition:
         variants=read.variants,
         profiles=read.profiles,
         claims=tuple(claims),
+        shipped=shipped,
     )
 
 

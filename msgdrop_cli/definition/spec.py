@@ -66,7 +66,7 @@ class PlannedRun:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Claim:
-    """One ordering that the paper states: `better` beats `worse` on `metric`."""
+    """One ordering that is stated: `better` beats `worse` on `metric`."""
 
     says: str
     source: str
@@ -144,6 +144,8 @@ class Definition:
     variants: Mapping[str, Variant]
     profiles: Mapping[str, Profile]
     claims: tuple[Claim, ...]
+    shipped: bool = False
+    """It came with the program, so its claims are the paper's."""
 
 
 def check_fractions(broken_links: Sequence[float]) -> None:
