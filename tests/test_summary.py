@@ -144,6 +144,29 @@ def test_order(tmp_path: Path) -> None:
     assert [arm.variant for arm in summary.arms_of(GROUP)] == ["fdc", "dcc", "a", "b"]
 
 
+def test_the_order_is_that_of_the_definition(tmp_path: Path) -> None:
+    """Nobody has to know it: what is drawn from records stands as in the command that made them."""
+    records = [
+        write_run(tmp_path, variant, 1, definition="blockwise-vs-elementwise")
+        for variant in ("another", "fdc", "sd-0.2", "dcc")
+    ]
+    variants = [arm.variant for arm in summarise(records).arms]
+    assert variants == ["dcc", "sd-0.2", "fdc", "another"]
+
+
+def test_the_order_is_that_of_the_definition_with_most_runs(tmp_path: Path) -> None:
+    """Two questions in one group: one order for both, and not by where the runs lie."""
+    trained = {"broken-links": ("md-0.5", "dcc", "fdc"), "blockwise-vs-elementwise": ("sd-0.2",)}
+    records = [
+        write_run(tmp_path, variant, 1, definition=definition)
+        for definition, variants in trained.items()
+        for variant in variants
+    ]
+    for mixed in (records, records[::-1]):
+        variants = [arm.variant for arm in summarise(mixed).arms]
+        assert variants == ["fdc", "dcc", "md-0.5", "sd-0.2"]
+
+
 def test_intervals_do_not_depend_on_what_else_is_summarised(tmp_path: Path) -> None:
     """An arm has the same numbers alone, in company, and read in another order."""
     records = write_arm(tmp_path, "dcc", [1, 5, 9, 20, 31, 50, 77])

@@ -16,6 +16,7 @@ from typing import Any, NamedTuple
 from msgdrop_cli.analysis.evaluations import Measured, comparable
 from msgdrop_cli.analysis.labels import remarks, shared_overrides
 from msgdrop_cli.analysis.metrics import UNKNOWN, Metrics, metrics_of
+from msgdrop_cli.analysis.order import in_order
 from msgdrop_cli.analysis.statistics import (
     Interval,
     bootstrap_interval,
@@ -139,19 +140,17 @@ def summarise(
 ) -> Summary:
     """Sort runs into arms and measure them.
 
-    order: variants to put first, in this order; the rest follows by name. references: what is
-    known of the games, by `game_key`. episodes: how many of each evaluation count, for all that is
-    compared; None: see `comparable`. A run that is in the records twice (published and local)
-    counts once. Raises RecordError for unreadable rows.
+    order: variants to put first, in this order (none: as their shipped definition lists them); the
+    rest follows by name. references: what is known of the games, by `game_key`. episodes: how many
+    of each evaluation count, for all that is compared; None: see `comparable`. A run that is in the
+    records twice (published and local) counts once. Raises RecordError for unreadable rows.
     """
     runs: dict[tuple[Group, str, str], list[RunRecord]] = defaultdict(list)
     for record in _once_each(records):
         runs[_group(record), record.variant, _setup(record)].append(record)
-    ranks = {variant: rank for rank, variant in enumerate(order)}
-    keys = sorted(runs, key=lambda key: (key[0], ranks.get(key[1], len(ranks)), *key[1:]))
     arms: list[Arm] = []
     left_out = 0
-    for _, group_keys in groupby(keys, key=lambda key: key[0]):
+    for _, group_keys in groupby(in_order(runs, order), key=lambda key: key[0]):
         alike = [_arm(runs[key]) for key in group_keys]
         found = comparable([(arm.done, arm.metrics.all) for arm in alike], episodes)
         left_out += found.left_out
