@@ -26,6 +26,7 @@ from msgdrop_cli.report.table import (
     results_table,
     to_markdown,
 )
+from msgdrop_cli.report.write import Folder
 from tests.fake_runs import GROUP, write_arm, write_run
 
 BROKEN = {0.0: 8, 0.5: 4, 1.0: 1}
@@ -49,7 +50,7 @@ def full_study(root: Path) -> list[RunRecord]:
 
 def test_a_full_study_gives_every_figure(tmp_path: Path) -> None:
     """Three kinds for one group, as PNG files named after it, and nothing else in the folder."""
-    paths = draw_all(summarise(full_study(tmp_path)), tmp_path / "figures")
+    paths = draw_all(summarise(full_study(tmp_path)), Folder(tmp_path / "figures"))
     assert [path.name for path in paths] == [
         "pursuit-n6-quick-1000-learning.png",
         "pursuit-n6-quick-1000-dropout-rate.png",
@@ -62,7 +63,9 @@ def test_a_full_study_gives_every_figure(tmp_path: Path) -> None:
 def test_same_records_same_bytes(tmp_path: Path) -> None:
     """Drawing again changes no published file."""
     records = full_study(tmp_path)
-    first, second = (draw_all(summarise(records), tmp_path / name) for name in ("one", "two"))
+    first, second = (
+        draw_all(summarise(records), Folder(tmp_path / name)) for name in ("one", "two")
+    )
     assert [path.read_bytes() for path in first] == [path.read_bytes() for path in second]
 
 
@@ -72,14 +75,14 @@ def test_only_what_the_records_allow_is_drawn(tmp_path: Path) -> None:
         write_run(tmp_path, name, 1, catches={0.0: 3}, algorithm={"rate": rate})
         for name, rate in (("dcc", 0.0), ("md-0.2", 0.2))
     ]
-    paths = draw_all(summarise(records), tmp_path / "figures")
+    paths = draw_all(summarise(records), Folder(tmp_path / "figures"))
     assert [path.name for path in paths] == ["pursuit-n6-quick-1000-learning.png"]
 
 
 def test_nothing_done_nothing_drawn(tmp_path: Path) -> None:
     """Unfinished runs give no figure and no folder."""
     records = write_arm(tmp_path, "dcc", [1, 2], status="running")
-    assert draw_all(summarise(records), tmp_path / "figures") == []
+    assert draw_all(summarise(records), Folder(tmp_path / "figures")) == []
     assert not (tmp_path / "figures").exists()
 
 
@@ -157,7 +160,7 @@ def test_labels_are_spread_as_little_as_needed() -> None:
 def test_a_full_disk_leaves_the_old_figure(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A write that fails is exit code 74, with the old file intact and nothing temporary left."""
     records, out = full_study(tmp_path), tmp_path / "figures"
-    paths = draw_all(summarise(records), out)
+    paths = draw_all(summarise(records), Folder(out))
     old = paths[0].read_bytes()
 
     def full(descriptor: int) -> None:
@@ -165,7 +168,7 @@ def test_a_full_disk_leaves_the_old_figure(tmp_path: Path, monkeypatch: pytest.M
 
     monkeypatch.setattr("os.fsync", full)
     with pytest.raises(RecordError, match="No space left") as caught:
-        draw_all(summarise(records[:2]), out)
+        draw_all(summarise(records[:2]), Folder(out))
     assert caught.value.exit_code == 74
     assert paths[0].read_bytes() == old
     assert sorted(out.iterdir()) == sorted(paths)
@@ -174,10 +177,10 @@ def test_a_full_disk_leaves_the_old_figure(tmp_path: Path, monkeypatch: pytest.M
 def test_a_reader_never_sees_half_a_figure(tmp_path: Path) -> None:
     """Who has the old file open goes on reading the old one."""
     records, out = full_study(tmp_path), tmp_path / "figures"
-    path = draw_all(summarise(records), out)[0]
+    path = draw_all(summarise(records), Folder(out))[0]
     old = path.read_bytes()
     with path.open("rb") as reader:
-        draw_all(summarise(records[:2]), out)
+        draw_all(summarise(records[:2]), Folder(out))
         assert reader.read() == old
     assert path.read_bytes() != old
 
@@ -186,7 +189,7 @@ def test_a_file_in_the_way_is_refused(tmp_path: Path) -> None:
     """An output folder that is a file cannot be created: exit code 73."""
     (tmp_path / "figures").write_text("mine")
     with pytest.raises(RecordError) as caught:
-        draw_all(summarise(full_study(tmp_path)), tmp_path / "figures")
+        draw_all(summarise(full_study(tmp_path)), Folder(tmp_path / "figures"))
     assert caught.value.exit_code == 73
 
 

@@ -10,6 +10,7 @@ from msgdrop_cli.commands.evaluating import _copy
 from msgdrop_cli.errors import RecordError
 from msgdrop_cli.records.store import list_runs
 from msgdrop_cli.report.publish import publish
+from msgdrop_cli.report.write import Folder
 from tests.fake_runs import write_run
 
 
@@ -19,7 +20,7 @@ def test_numbers_of_all_and_one_policy_of_each_variant(tmp_path: Path) -> None:
     for record in records:
         (record.path / "policy.safetensors").write_bytes(b"weights")
         (record.path / "lock").touch()
-    copies = publish(records, tmp_path / "published")
+    copies = publish(records, Folder(tmp_path / "published"))
     assert [r.run_id for r in list_runs(tmp_path / "published")] == sorted(
         (r.run_id for r in records),
         key=lambda run_id: next(str(r.path.name) for r in records if r.run_id == run_id),
@@ -33,9 +34,9 @@ def test_numbers_of_all_and_one_policy_of_each_variant(tmp_path: Path) -> None:
 def test_publishing_again_replaces(tmp_path: Path) -> None:
     """An older copy of the same run is gone as a whole."""
     record = write_run(tmp_path / "ours", "dcc", 1)
-    [copy] = publish([record], tmp_path / "published")
+    [copy] = publish([record], Folder(tmp_path / "published"))
     (copy / "stale").touch()
-    assert publish([record], tmp_path / "published") == [copy]
+    assert publish([record], Folder(tmp_path / "published")) == [copy]
     assert sorted(p.name for p in copy.iterdir()) == [
         *("episodes.jsonl.gz", "metrics.jsonl.gz", "run.json")
     ]
@@ -44,23 +45,23 @@ def test_publishing_again_replaces(tmp_path: Path) -> None:
 def test_a_packed_copy_says_the_same(tmp_path: Path) -> None:
     """Windows and episodes of a published run are those of the run."""
     record = write_run(tmp_path / "ours", "dcc", 1, catches={0.0: 3})
-    [copy] = list_runs(publish([record], tmp_path / "published")[0])
+    [copy] = list_runs(publish([record], Folder(tmp_path / "published"))[0])
     assert len(record.metrics()) > 0 < len(record.episodes())
     assert (copy.metrics(), copy.episodes()) == (record.metrics(), record.episodes())
 
 
 def test_what_is_published_can_be_published_again(tmp_path: Path) -> None:
     """Even onto itself: its packed logs stay as they are."""
-    first = publish([write_run(tmp_path / "ours", "dcc", 1)], tmp_path / "published")[0]
+    first = publish([write_run(tmp_path / "ours", "dcc", 1)], Folder(tmp_path / "published"))[0]
     logs = [first / f"{name}.jsonl.gz" for name in ("metrics", "episodes")]
     before = [log.read_bytes() for log in logs]
-    assert publish(list_runs(first), tmp_path / "published") == [first]
+    assert publish(list_runs(first), Folder(tmp_path / "published")) == [first]
     assert [log.read_bytes() for log in logs] == before
 
 
 def test_a_bad_row_names_the_file_that_is_there(tmp_path: Path) -> None:
     """A packed log is called by its own name."""
-    [copy] = publish([write_run(tmp_path / "ours", "dcc", 1)], tmp_path / "published")
+    [copy] = publish([write_run(tmp_path / "ours", "dcc", 1)], Folder(tmp_path / "published"))
     (copy / "episodes.jsonl.gz").write_bytes(gzip.compress(b"{}\n"))
     with pytest.raises(RecordError, match=r"episodes\.jsonl\.gz: line 1"):
         list_runs(copy)[0].episodes()
@@ -68,7 +69,7 @@ def test_a_bad_row_names_the_file_that_is_there(tmp_path: Path) -> None:
 
 def test_what_is_played_anew_keeps_its_packed_logs(tmp_path: Path) -> None:
     """The copy in which a published run is evaluated further has its windows and episodes."""
-    [record] = list_runs(publish([write_run(tmp_path / "o", "dcc", 1)], tmp_path / "p")[0])
+    [record] = list_runs(publish([write_run(tmp_path / "o", "dcc", 1)], Folder(tmp_path / "p"))[0])
     with ExitStack() as keep:
         copy = _copy(record, keep)
         assert copy.path != record.path

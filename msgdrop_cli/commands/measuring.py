@@ -6,10 +6,11 @@ from pathlib import Path
 
 from msgdrop_cli.commands import console
 from msgdrop_cli.commands.evaluating import evaluated, measurable_runs
-from msgdrop_cli.commands.reporting import FIGURES, report
+from msgdrop_cli.commands.reporting import report
 from msgdrop_cli.commands.words import several
 from msgdrop_cli.definition.spec import Claim, Definition
 from msgdrop_cli.records.store import RunRecord
+from msgdrop_cli.report.write import figures_folder
 
 
 def measure(
@@ -44,7 +45,7 @@ def measure(
                 claims=_judgeable(question, records) if question else (),
                 of_the_paper=question is not None and question.shipped,
                 order=tuple(question.variants) if question else (),
-                figures=results / FIGURES / question.name if question else None,
+                figures=figures_folder(results, question.name) if question else None,
                 as_json=as_json,
             )
     return exit_code

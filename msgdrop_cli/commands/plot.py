@@ -15,17 +15,19 @@ app = typer.Typer()
 def plot(results: options.Folder = Path("results"), json: options.Json = False) -> int:
     """Draw every figure that the records allow.
 
-    RESULTS is a folder (default: results); the figures go to RESULTS/figures.
+    RESULTS is a folder (default: results); the figures go to RESULTS/figures, those of what is
+    published to the figures folder beside it.
     """
     from msgdrop_cli.analysis.summary import summarise
     from msgdrop_cli.commands.references import references_of
-    from msgdrop_cli.commands.reporting import FIGURES, note_left_out
+    from msgdrop_cli.commands.reporting import note_left_out
     from msgdrop_cli.report.figures import draw_all
+    from msgdrop_cli.report.write import figures_folder
 
     records = list_runs(results)
     summary = summarise(records, references=references_of(records, results))
     note_left_out(summary)
-    paths = draw_all(summary, results / FIGURES)
+    paths = draw_all(summary, figures_folder(results))
     if json:
         console.result_json([str(path) for path in paths])
         return 0

@@ -41,7 +41,7 @@ def publish(
     from msgdrop_cli.report.figures import draw_all
     from msgdrop_cli.report.publish import publish as copy
     from msgdrop_cli.report.publish import tables
-    from msgdrop_cli.report.write import write_atomic
+    from msgdrop_cli.report.write import FIGURES, TABLES, Folder, write_atomic
 
     chosen = None if seeds is None else parse_seeds(seeds)
     asked = plan(definition, profile, catalogue(), seeds=chosen)
@@ -56,15 +56,15 @@ def publish(
             f"{results}: holds no finished run of {definition.name}, profile {profile}"
             f" (train them: msgdrop ablate {definition.name} --profile {profile})"
         )
-    folder = to / f"{definition.name}-{profile}"
+    folder = Folder(to).at(f"{definition.name}-{profile}")
     order = tuple(definition.variants)
-    summary = summarise(records, order=order, references=references_of(records, folder))
+    summary = summarise(records, order=order, references=references_of(records, folder.made()))
     note_left_out(summary)
     text = tables(summary, judge_claims(asked.claims, summary))
     copies = copy(records, folder)  # what cannot be summarised is not published
-    write_atomic(folder / "TABLES.md", text.encode())
-    drawn = draw_all(summary, folder / "figures")
-    _show({"runs": copies, "tables": [folder / "TABLES.md"], "figures": drawn}, as_json=json)
+    page = write_atomic(folder, TABLES, text.encode())
+    drawn = draw_all(summary, folder.at(FIGURES))
+    _show({"runs": copies, "tables": [page], "figures": drawn}, as_json=json)
     return 0
 
 

@@ -15,9 +15,8 @@ from msgdrop_cli.definition.spec import Claim
 from msgdrop_cli.records.store import RunRecord
 from msgdrop_cli.report.figures import draw_all
 from msgdrop_cli.report.table import broken_links_table, claims_table, results_table
+from msgdrop_cli.report.write import Folder
 
-FIGURES = "figures"
-"""The folder of the figures in a results folder."""
 _TEXT_COLUMNS = 2
 """Variant and seeds; every other column holds numbers."""
 
@@ -31,7 +30,7 @@ def report(
     claims: Sequence[Claim] = (),
     of_the_paper: bool = False,
     order: Sequence[str] = (),
-    figures: Path | None = None,
+    figures: Folder | None = None,
     as_json: bool = False,
     about: Mapping[str, Any] | None = None,
 ) -> None:
@@ -67,7 +66,7 @@ def _report_json(
     everything: Summary,
     summary: Summary,
     verdicts: Sequence[Verdict],
-    figures: Path | None,
+    figures: Folder | None,
     about: Mapping[str, Any],
 ) -> None:
     """The same as one document; it is shown even if the figures cannot be written."""

@@ -18,7 +18,7 @@ from msgdrop_cli.commands.estimate import (
 from msgdrop_cli.commands.evaluating import evaluated
 from msgdrop_cli.commands.options import TrainOptions, check_device
 from msgdrop_cli.commands.progress import Watch, Watched
-from msgdrop_cli.commands.reporting import FIGURES, report
+from msgdrop_cli.commands.reporting import report
 from msgdrop_cli.commands.shapes import check_claims
 from msgdrop_cli.commands.words import duration, several, size
 from msgdrop_cli.definition.plan import Plan, plan
@@ -27,6 +27,7 @@ from msgdrop_cli.definition.strict import one_line
 from msgdrop_cli.errors import RecordError
 from msgdrop_cli.records.store import RunRecord, list_runs, run_path
 from msgdrop_cli.report.table import links_text
+from msgdrop_cli.report.write import figures_folder
 from msgdrop_cli.scheduler import Outcome, Stopped, Task, graceful_stop, run_tasks
 
 
@@ -157,7 +158,7 @@ def _report(asked: Plan, options: TrainOptions, outcomes: Sequence[Outcome]) -> 
                 of_the_paper=asked.definition.shipped,
                 order=tuple(asked.definition.variants),
                 broken_links=asked.broken_links,
-                figures=options.results / FIGURES / f"{asked.definition.name}-{asked.profile}",
+                figures=figures_folder(options.results, f"{asked.definition.name}-{asked.profile}"),
                 as_json=options.json,
                 about={
                     "definition": asked.definition.name,

@@ -89,8 +89,10 @@ def _known(cls: type[Policy] | type[References], table: Any) -> Any:
 
 
 def keep_references(root: Path, key: str, table: Mapping[str, Any]) -> Path:
-    """Write them down for the next time. Raises RecordError (73, 74)."""
+    """Write them down for the next time. Raises RecordError (73, 74), also for a linked folder."""
     folder = root / REFERENCES
+    if folder.is_symlink():  # in a results folder from somebody else it could lead anywhere
+        raise RecordError(one_line(f"{folder}: is a symbolic link"), CANNOT_CREATE)
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:

@@ -20,7 +20,7 @@ from msgdrop_cli.report.captions import footer, scale, spread_note
 from msgdrop_cli.report.reference_lines import reference_lines
 from msgdrop_cli.report.style import DPI, INK, QUIET, canvas, look, spread, tint
 from msgdrop_cli.report.table import links_text
-from msgdrop_cli.report.write import write_atomic
+from msgdrop_cli.report.write import Folder, write_atomic
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -30,10 +30,10 @@ MINIMUM_RATES = 3
 """Fewer dropout rates make no curve."""
 
 
-def draw_all(summary: Summary, out: Path) -> list[Path]:
+def draw_all(summary: Summary, folder: Folder) -> list[Path]:
     """Draw what the done runs allow; the files are `<environment>-<profile>-<steps>-<kind>.png`.
 
-    Raises RecordError: rows that cannot be read, `out` not writable.
+    Raises RecordError: rows that cannot be read, a folder that cannot be written (73, 74).
     """
     kinds = {
         "learning": draw_learning,
@@ -45,9 +45,8 @@ def draw_all(summary: Summary, out: Path) -> list[Path]:
         for kind, draw in kinds.items():
             figure = draw(summary, group)
             if figure is not None:
-                path = out / f"{_file_stem(group)}-{kind}.png"
-                write_atomic(path, _png(figure))
-                paths.append(path)
+                name = f"{_file_stem(group)}-{kind}.png"
+                paths.append(write_atomic(folder, name, _png(figure)))
     return paths
 
 

@@ -1,5 +1,6 @@
 """Finished runs as small records that can be committed: numbers of all, one policy a variant."""
 
+import os
 import shutil
 from collections.abc import Sequence
 from pathlib import Path
@@ -12,13 +13,14 @@ from msgdrop_cli.records.files import CANNOT_WRITE, TEMPORARY, write_json_atomic
 from msgdrop_cli.records.packed import log_bytes, pack, packed_name
 from msgdrop_cli.records.store import EPISODES, METRICS, POLICY, RUN, RunRecord
 from msgdrop_cli.report.table import broken_links_table, claims_table, results_table, to_markdown
+from msgdrop_cli.report.write import Folder
 
 
-def publish(records: Sequence[RunRecord], folder: Path) -> list[Path]:
-    """Copy finished runs below `folder`: their numbers, packed, and each lowest seed's policy.
+def publish(records: Sequence[RunRecord], folder: Folder) -> list[Path]:
+    """Copy finished runs below a folder: their numbers, packed, and each lowest seed's policy.
 
     A run that stands there already is replaced as a whole. Returns the copies' paths.
-    Raises RecordError, damaged (2) or not writable (74), with nothing half-copied.
+    Raises RecordError, damaged (2) or not writable (73, 74), with nothing half-copied.
     """
     lowest: dict[tuple[str, str], int] = {}
     for record in records:
@@ -27,7 +29,7 @@ def publish(records: Sequence[RunRecord], folder: Path) -> list[Path]:
     copies = []
     for record in records:
         with_policy = record.seed == lowest[record.environment, record.variant]
-        target = folder / record.environment / record.path.name
+        target = folder.at(record.environment).made() / record.path.name
         _copy(record, target, with_policy)
         copies.append(target)
     return copies
@@ -47,7 +49,6 @@ def tables(summary: Summary, verdicts: Sequence[Verdict]) -> str:
 
 def _copy(record: RunRecord, target: Path, with_policy: bool) -> None:
     try:
-        target.parent.mkdir(parents=True, exist_ok=True)
         with TemporaryDirectory(dir=target.parent, prefix=TEMPORARY) as scratch:
             copy = Path(scratch) / target.name
             copy.mkdir()
@@ -57,7 +58,7 @@ def _copy(record: RunRecord, target: Path, with_policy: bool) -> None:
                     (copy / packed_name(log)).write_bytes(pack(content))
             if with_policy and (record.path / POLICY).exists():
                 shutil.copyfile(record.path / POLICY, copy / POLICY)
-            if target.exists():
+            if os.path.lexists(target):
                 target.rename(Path(scratch) / "old")
             copy.rename(target)
     except OSError as error:

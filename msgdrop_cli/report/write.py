@@ -1,17 +1,68 @@
-"""Whole files or none: a reader of the results folder never sees half a figure."""
+"""Where reports are written, and how: whole files or none, nothing published, through no link."""
 
-from pathlib import Path
+import os
+from pathlib import Path, PurePath
+from typing import NamedTuple
 
+from msgdrop_cli.definition.strict import one_line
 from msgdrop_cli.errors import RecordError
 from msgdrop_cli.records.files import CANNOT_CREATE, write_bytes_atomic
 
+FIGURES = "figures"
+"""The folder of the figures in a results folder, and in what is published."""
+TABLES = "TABLES.md"
+"""The page of tables that lies beside every published question's runs."""
+_PUBLISHED = "published"
+_DEPTH = 3
+"""A published run is `published/<question>-<profile>/<environment>/<run>`."""
 
-def write_atomic(path: Path, content: bytes) -> None:
-    """Write `path` and its folder; RecordError (73 the folder, 74) leaves nothing half-written."""
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise RecordError(
-            f"{path.parent}: cannot be created: {error.strerror}", CANNOT_CREATE
-        ) from error
+
+class Folder(NamedTuple):
+    """A folder to write to: `root`, which people have named, and what is ours inside it.
+
+    In there no link is followed: in a results folder from somebody else it could lead anywhere.
+    """
+
+    root: Path
+    inside: PurePath = PurePath()
+
+    def at(self, name: str) -> "Folder":
+        """A folder in this one."""
+        return Folder(self.root, self.inside / name)
+
+    def made(self) -> Path:
+        """Its path, made where it is missing; RecordError (73) for a link, or if it cannot be."""
+        path = self.root
+        try:
+            path.mkdir(parents=True, exist_ok=True)
+            for part in self.inside.parts:
+                path = path / part
+                if path.is_symlink():
+                    problem = "is a symbolic link, and none is followed to write; remove it"
+                    raise RecordError(one_line(f"{path}: {problem}"), CANNOT_CREATE)
+                path.mkdir(exist_ok=True)
+        except OSError as error:
+            message = one_line(f"{path}: cannot be created: {error.strerror}")
+            raise RecordError(message, CANNOT_CREATE) from error
+        return path
+
+
+def write_atomic(folder: Folder, name: str, content: bytes) -> Path:
+    """Write a file and its folder; RecordError (73 the folder, 74) leaves nothing half-written."""
+    path = folder.made() / name
     write_bytes_atomic(path, content)
+    return path
+
+
+def figures_folder(results: Path, *names: str) -> Folder:
+    """Where figures of the records in or below `results` go: `figures/<names>` in there.
+
+    Those of what is published, `results/published/x`, go to `results/figures/x`: what is committed
+    is written by `publish` alone.
+    """
+    place = results.resolve()
+    for folder in (place, *place.parents[:_DEPTH]):
+        if folder.name == _PUBLISHED and any(folder.glob(f"*/{TABLES}")):
+            root = folder.parent if results.is_absolute() else Path(os.path.relpath(folder.parent))
+            return Folder(root, PurePath(FIGURES, place.relative_to(folder), *names))
+    return Folder(results, PurePath(FIGURES, *names))
