@@ -18,6 +18,7 @@ from msgdrop_cli.analysis.metrics import Metric
 from msgdrop_cli.analysis.summary import Arm, Group, Row, Summary
 from msgdrop_cli.report.captions import footer, scale, spread_note
 from msgdrop_cli.report.reference_lines import reference_lines
+from msgdrop_cli.report.settings import own_settings
 from msgdrop_cli.report.style import DPI, INK, QUIET, canvas, look, spread, tint
 from msgdrop_cli.report.table import links_text
 from msgdrop_cli.report.write import Folder, write_atomic
@@ -41,12 +42,13 @@ def draw_all(summary: Summary, folder: Folder) -> list[Path]:
         "broken-links": draw_broken_links,
     }
     paths = []
-    for group in summary.groups:
-        for kind, draw in kinds.items():
-            figure = draw(summary, group)
-            if figure is not None:
-                name = f"{_file_stem(group)}-{kind}.png"
-                paths.append(write_atomic(folder, name, _png(figure)))
+    with own_settings():
+        for group in summary.groups:
+            for kind, draw in kinds.items():
+                figure = draw(summary, group)
+                if figure is not None:
+                    name = f"{_file_stem(group)}-{kind}.png"
+                    paths.append(write_atomic(folder, name, _png(figure)))
     return paths
 
 
@@ -206,7 +208,6 @@ def _name_below(axes: "Axes", place: float, label: str) -> None:
         fontsize=9.5,
         fontweight="bold",
         color=INK,
-        parse_math=False,
     )
 
 
@@ -258,7 +259,6 @@ def _label_ends(axes: "Axes", ends: Sequence[tuple[str, float, str]]) -> None:
             va="center",
             fontsize=9,
             color=INK,
-            parse_math=False,
         )
 
 

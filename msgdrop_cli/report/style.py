@@ -73,7 +73,7 @@ def canvas(
     axes = figure.add_axes(
         (0.75 / width, bottom / height, 1.0 - (0.75 + right) / width, 1.0 - (bottom + 0.5) / height)
     )
-    axes.set_title(title, loc="left", fontsize=11.5, color=INK, pad=10, parse_math=False)
+    axes.set_title(title, loc="left", fontsize=11.5, color=INK, pad=10)
     figure.text(
         0.12 / width,
         0.1 / height,
@@ -82,7 +82,6 @@ def canvas(
         color=QUIET,
         va="bottom",
         linespacing=1.35,
-        parse_math=False,
     )
     for side in ("top", "right"):
         axes.spines[side].set_visible(False)
