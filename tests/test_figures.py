@@ -12,13 +12,9 @@ from msgdrop_cli.analysis.summary import summarise
 from msgdrop_cli.definition.spec import Claim
 from msgdrop_cli.errors import RecordError
 from msgdrop_cli.records.store import RunRecord
-from msgdrop_cli.report.figures import (
-    draw_all,
-    draw_broken_links,
-    draw_dropout_rate,
-    draw_learning,
-)
-from msgdrop_cli.report.style import look, spread
+from msgdrop_cli.report.bars import draw_broken_links
+from msgdrop_cli.report.figures import draw_all, draw_learning
+from msgdrop_cli.report.rates import draw_dropout_rate
 from msgdrop_cli.report.table import (
     Table,
     broken_links_table,
@@ -132,29 +128,12 @@ def test_other_set_ups_stay_out_of_the_rate_curve(tmp_path: Path) -> None:
     assert _rates(figure) == [0.0, 0.2, 0.5]
 
 
-def test_a_variant_has_one_look() -> None:
-    """Colour goes by family and rate, the line by network; nothing depends on the company."""
-    assert look("md-0.2").colour == look("concat-md-0.2").colour
-    assert look("md-0.2").line != look("concat-md-0.2").line
-    names = (
-        *("fdc", "dcc", "md-0.1", "md-0.2", "md-0.3", "md-0.4", "md-0.5"),
-        "sd-0.2",
-        "full-md-0.2",
-        "full-sd-0.2",
-    )
-    assert len({look(name).colour for name in names}) == len(names)
-
-
-def test_the_critics_of_waterworld_look_like_their_relatives() -> None:
-    """DDPG like FDC, MADDPG like DCC, its dropout like DCC-MD's; the four differ."""
-    pairs = {"ddpg": "fdc", "maddpg": "dcc", "maddpg-md-0.2": "md-0.2", "maddpg-md-0.5": "md-0.5"}
-    assert all(look(one) == look(other) for one, other in pairs.items())
-    assert len({look(name).colour for name in (*pairs, "vanilla-maddpg")}) == 5
-
-
-def test_labels_are_spread_as_little_as_needed() -> None:
-    """Two that touch move apart by the same amount; a far one stays."""
-    assert spread([5.0, 1.0, 1.5], 1.0) == pytest.approx([5.0, 0.75, 1.75])
+def test_a_rate_that_is_no_number_is_no_point(tmp_path: Path) -> None:
+    """Somebody else's record is left out of the curve, and is no error."""
+    strange = write_run(tmp_path, "strange", 1, catches=BROKEN, algorithm={"rate": "x"})
+    figure = draw_dropout_rate(summarise([*full_study(tmp_path), strange]), GROUP)
+    assert figure is not None
+    assert _rates(figure) == [0.0, 0.2, 0.5]
 
 
 def test_a_full_disk_leaves_the_old_figure(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

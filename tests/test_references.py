@@ -20,7 +20,8 @@ from msgdrop_cli.records.references import (
     game_key,
     keep_references,
 )
-from msgdrop_cli.report.figures import draw_broken_links, draw_learning
+from msgdrop_cli.report.bars import draw_broken_links
+from msgdrop_cli.report.figures import draw_learning
 from msgdrop_cli.report.table import broken_links_table, results_table
 from tests.fake_runs import GROUP, write_run
 from tests.runs import planned

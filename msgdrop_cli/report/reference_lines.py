@@ -6,6 +6,8 @@ from typing import TYPE_CHECKING
 
 from msgdrop_cli.analysis.metrics import Metric
 from msgdrop_cli.analysis.summary import Group, Summary
+from msgdrop_cli.report.lettering import drawable_name
+from msgdrop_cli.report.marks import End, end
 from msgdrop_cli.report.style import QUIET
 from msgdrop_cli.report.table import reference_label
 
@@ -24,8 +26,13 @@ class ReferenceLines:
     note: str
     """The words about them that the footer takes; empty without any."""
 
-    def draw(self, axes: "Axes") -> list[tuple[str, float, str]]:
-        """Draw the lines; returns (label, height, colour) of each for the right margin."""
+    @property
+    def ends(self) -> list[End]:
+        """Their names, for the right margin."""
+        return [end(label, height, QUIET) for label, height in self.shown.items()]
+
+    def draw(self, axes: "Axes") -> None:
+        """Draw the lines, with the axis long enough for them."""
         low, high = axes.get_ylim()
         heights = self.shown.values()
         gap = 0.04 * (high - low)
@@ -35,7 +42,6 @@ class ReferenceLines:
         )
         for height in heights:
             axes.axhline(height, color=QUIET, linewidth=1.0, linestyle=(0, (1, 2)), zorder=1.5)
-        return [(label, height, QUIET) for label, height in self.shown.items()]
 
 
 def reference_lines(
@@ -50,7 +56,7 @@ def reference_lines(
     reach = FARTHEST * (high - low)
     shown, told = {}, []
     for name, policy in references.policies.items():
-        value, label = policy.metrics.get(metric.name), reference_label(name)
+        value, label = policy.metrics.get(metric.name), drawable_name(reference_label(name))
         if value is None:
             continue
         if low - reach <= value <= high + reach:

@@ -1,13 +1,9 @@
-"""How figures look: the palette (Okabe and Ito's, safe for colour-blind readers), axes and footer.
+"""How figures look: paper, ink, axes and footer. Looks of variants are in `looks`."""
 
-A variant has one look in every figure, by its name alone, so that figures can be laid side by side.
-"""
-
-import re
 import textwrap
-from collections.abc import Sequence
 from typing import TYPE_CHECKING, NamedTuple
-from zlib import crc32
+
+from msgdrop_cli.report.lettering import drawable, wrapped
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -16,38 +12,21 @@ if TYPE_CHECKING:
 DPI = 150
 INK = "#222222"
 QUIET = "#666666"
-_GREEN, _SKY, _PURPLE, _BLACK = "#009E73", "#56B4E9", "#CC79A7", "#000000"
-_FAMILIES = (
-    (r"fdc|ddpg", "#8A8A8A"),
-    (r"dcc|maddpg", "#0072B2"),
-    (r"vanilla-maddpg", _SKY),
-    (r"full-md.*", _SKY),
-    (r"full-sd.*", _BLACK),
-    (r"sd-.*", _PURPLE),
-    (r"(maddpg-)?md-0?\.1", "#F0C060"),
-    (r"(maddpg-)?md-0?\.2", "#E69F00"),
-    (r"(maddpg-)?md-0?\.3", "#D55E00"),
-    (r"(maddpg-)?md-0?\.4", "#66C7AC"),
-    (r"(maddpg-)?md-.*", _GREEN),
-)
-_OTHERS = (_GREEN, _SKY, _PURPLE, _BLACK)
+_TITLE = 11.5
+_FOOTER_LINE = 0.145
+_LEFT, _BELOW, _ABOVE = 0.75, 0.66, 0.5
+"""Margins of the axes: for the ticks, for ticks and their name, for the title."""
 
 
-class Look(NamedTuple):
-    """Colour and line of a variant."""
+class Size(NamedTuple):
+    """Width and height in inches."""
 
-    colour: str
-    line: str
+    width: float
+    height: float
 
 
-def look(variant: str) -> Look:
-    """The look of a variant: colour by family (`md-0.2`), dashes for other networks (`concat-`)."""
-    base = variant.lower().removeprefix("concat-").removeprefix("own-")
-    line = "solid" if base == variant.lower() else "dashed"
-    for pattern, colour in _FAMILIES:
-        if re.fullmatch(pattern, base):
-            return Look(colour, line)
-    return Look(_OTHERS[crc32(base.encode()) % len(_OTHERS)], "dashdot")
+AXES = Size(5.75, 3.28)
+"""What axes measure if nothing asks for more."""
 
 
 def tint(colour: str, share: float) -> tuple[float, float, float]:
@@ -58,22 +37,28 @@ def tint(colour: str, share: float) -> tuple[float, float, float]:
 
 
 def canvas(
-    title: str, footer: str, *, width: float = 7.5, right: float = 0.3
+    title: str, footer: str, *, size: Size = AXES, right: float = 1.0, below: float = 0.0
 ) -> "tuple[Figure, Axes]":
-    """An empty figure with its title, quiet axes, and the footer below.
+    """An empty figure with its title, quiet axes of this size, and the footer below.
 
-    width: of the figure; right: free margin beside the axes; both in inches.
+    right, below: free margins, in inches, beside the axes and below the names of their ticks.
     """
     from matplotlib.figure import Figure
 
-    lines = [line for part in footer.split("\n") for line in textwrap.wrap(part, int(width * 17.5))]
-    height = 4.44 + 0.145 * len(lines)
+    width = _LEFT + size.width + right
+    lines = [
+        line
+        for part in footer.split("\n")
+        for line in textwrap.wrap(drawable(part), int(width * 17.5))
+    ]
+    bottom = _BELOW + below + _FOOTER_LINE * len(lines)
+    height = bottom + size.height + _ABOVE
     figure = Figure(figsize=(width, height), dpi=DPI, facecolor="white")
-    bottom = 0.66 + 0.145 * len(lines)
     axes = figure.add_axes(
-        (0.75 / width, bottom / height, 1.0 - (0.75 + right) / width, 1.0 - (bottom + 0.5) / height)
+        (_LEFT / width, bottom / height, size.width / width, size.height / height)
     )
-    axes.set_title(title, loc="left", fontsize=11.5, color=INK, pad=10)
+    heading = wrapped(drawable(title), size.width + right, _TITLE)
+    axes.set_title("\n".join(heading), loc="left", fontsize=_TITLE, color=INK, pad=10)
     figure.text(
         0.12 / width,
         0.1 / height,
@@ -93,30 +78,7 @@ def canvas(
     return figure, axes
 
 
-def spread(positions: Sequence[float], gap: float) -> list[float]:
-    """Positions moved as little as needed so that neighbours are `gap` apart, order kept.
-
-    Clusters of labels that would touch are laid out around their common middle.
-    """
-    ranks = sorted(range(len(positions)), key=lambda rank: positions[rank])
-    clusters: list[list[int]] = []
-    for rank in ranks:
-        clusters.append([rank])
-        while len(clusters) > 1 and (
-            _start(clusters[-1], positions, gap)
-            < _start(clusters[-2], positions, gap) + gap * len(clusters[-2])
-        ):
-            last = clusters.pop()
-            clusters[-1] += last
-    placed = list(positions)
-    for cluster in clusters:
-        start = _start(cluster, positions, gap)
-        for offset, rank in enumerate(cluster):
-            placed[rank] = start + gap * offset
-    return placed
-
-
-def _start(cluster: Sequence[int], positions: Sequence[float], gap: float) -> float:
-    """The lowest place of a cluster that is centred on its members' mean."""
-    middle = sum(positions[rank] for rank in cluster) / len(cluster)
-    return middle - gap * (len(cluster) - 1) / 2.0
+def inches(axes: "Axes") -> Size:
+    """The size of the axes."""
+    box, dpi = axes.get_window_extent(), axes.figure.dpi
+    return Size(box.width / dpi, box.height / dpi)
