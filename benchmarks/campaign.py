@@ -21,6 +21,12 @@ ROOT = Path(__file__).resolve().parents[1]
 sys.path[:0] = [str(ROOT), str(ROOT / "envs"), str(ROOT / "ablations")]
 
 # ruff: noqa: E402 (what is ours can be found only now)
+from msgdrop_cli.signals import end_at_once
+from msgdrop_cli.stopping import Stopped, graceful_stop
+
+if __name__ == "__main__":
+    end_at_once()  # not below: loading torch takes seconds
+
 from benchmarks.limited_time import STATE, Campaign, counts
 from msgdrop_cli import app
 from msgdrop_cli.commands.estimate import check_folder
@@ -31,7 +37,6 @@ from msgdrop_cli.engine.catalogue import catalogue
 from msgdrop_cli.engine.facts import commit
 from msgdrop_cli.errors import DefinitionError, MsgdropError, RecordError
 from msgdrop_cli.records.files import BUSY, read_json, run_lock
-from msgdrop_cli.scheduler import Stopped, graceful_stop
 
 LOG = "campaign.log"
 _NO_CHECKPOINTS = "training.checkpoint_every_env_steps=1_000_000_000"
@@ -135,6 +140,7 @@ def main(arguments: Sequence[str]) -> int:
     try:
         return show_status(options.out) if options.status else start(options, arguments)
     except Stopped as stopped:
+        print("campaign: stopped; the same command goes on", file=sys.stderr)
         return 128 + stopped.signal
     except MsgdropError as error:
         print(f"campaign: error: {error}", file=sys.stderr)

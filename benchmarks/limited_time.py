@@ -27,7 +27,8 @@ from msgdrop_cli.engine.tensors import write_tensors
 from msgdrop_cli.records.archive import LARGEST_ARCHIVE, contents, pack
 from msgdrop_cli.records.files import write_json_atomic
 from msgdrop_cli.records.store import RunRecord
-from msgdrop_cli.scheduler import Control, Stopped, Task, run_tasks
+from msgdrop_cli.scheduler import Task, run_tasks
+from msgdrop_cli.stopping import Control, Stopped
 
 STATE = "campaign.json"
 _SHARE_OF_GPU = 0.5
@@ -208,8 +209,7 @@ def measure(out: Path, device: str) -> Speeds:
 @contextmanager
 def _stopped_at(control: Control, moment: float) -> Iterator[None]:
     """Asks everybody to stop at `moment`, and takes it back afterwards unless it was a signal."""
-    file = control.folder / "stop"
-    timer = threading.Timer(max(0.0, moment - time.monotonic()), file.touch)
+    timer = threading.Timer(max(0.0, moment - time.monotonic()), control.ask)
     timer.start()
     try:
         yield
@@ -217,7 +217,7 @@ def _stopped_at(control: Control, moment: float) -> Iterator[None]:
         timer.cancel()
         timer.join()
         if control.signal is None:
-            file.unlink(missing_ok=True)
+            control.ask(False)
 
 
 def say(line: str) -> None:

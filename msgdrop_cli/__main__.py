@@ -6,29 +6,26 @@ from collections.abc import Sequence
 from contextlib import suppress
 
 from msgdrop_cli import __version__
+from msgdrop_cli.signals import end_at_once
 
 _SLOW = ("train", "eval", "ablate", "unstable-test", "plot", "publish", "import")
 """Commands that load torch or matplotlib before they can say anything else."""
 _WIDTH = 120
-_INTERRUPTED = 130
 
 
 def main() -> None:
     """Run the command line and exit with its code."""
+    end_at_once()
     _mend_streams()
     arguments = sys.argv[1:]
-    try:
-        if words := greeting(arguments):
-            with suppress(OSError):
-                print(words, file=sys.stderr, flush=True)
-        # When we are killed, joblib's tracker cleans up after us; it need not tell the terminal.
-        os.environ.setdefault("PYTHONWARNINGS", "ignore:resource_tracker")
-        from msgdrop_cli.app import run  # not above: the greeting shall not wait for it
+    if words := greeting(arguments):
+        with suppress(OSError):
+            print(words, file=sys.stderr, flush=True)
+    # When we are killed, joblib's tracker cleans up after us; it need not tell the terminal.
+    os.environ.setdefault("PYTHONWARNINGS", "ignore:resource_tracker")
+    from msgdrop_cli.app import run  # not above: the greeting shall not wait for it
 
-        code = run(arguments)
-    except KeyboardInterrupt:  # while the program was loaded
-        code = _INTERRUPTED
-    sys.exit(code)
+    sys.exit(run(arguments))
 
 
 def greeting(arguments: Sequence[str]) -> str | None:

@@ -29,9 +29,9 @@ from msgdrop_cli.commands import (
 )
 from msgdrop_cli.definition.strict import one_line
 from msgdrop_cli.errors import MsgdropError
-from msgdrop_cli.scheduler import Stopped
+from msgdrop_cli.stopping import Stopped
 
-_INTERNAL, _USAGE, _NO_SPACE, _INTERRUPTED, _BROKEN_PIPE = 1, 2, 74, 130, 141
+_INTERNAL, _USAGE, _NO_SPACE, _BROKEN_PIPE = 1, 2, 74, 141
 
 app = typer.Typer(
     name="msgdrop",
@@ -69,9 +69,6 @@ def run(arguments: Sequence[str]) -> int:
     except Stopped as stopped:
         console.note(f"stopped; the same command goes on:\n  {shlex.join(['msgdrop', *arguments])}")
         return 128 + stopped.signal
-    except KeyboardInterrupt:
-        console.note("stopped")
-        return _INTERRUPTED
     except BrokenPipeError:
         return _broken_pipe()
     except SystemExit as ended:

@@ -1,40 +1,29 @@
 """Cohorts to outcomes: what is to be done, on joblib workers that survive, stop and die cleanly.
 
 * A worker dies with this process, however it ends, and leaves all signals to it.
-* Ctrl-C is a file that the workers look for; they write their checkpoints and return.
+* Whoever is asked to stop (`stopping.py`) writes checkpoints and returns, or is given up.
 * A worker that dies breaks joblib's whole pool: what is unfinished is submitted again.
 """
 
 import ctypes
 import os
-import shutil
 import signal
-import sys
-import tempfile
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from types import FrameType
 
 from msgdrop_cli.definition.spec import PlannedRun
 from msgdrop_cli.errors import MsgdropError, RecordError
 from msgdrop_cli.records.files import run_lock
-from msgdrop_cli.records.store import RUNS, RunRecord, find_run, set_status
+from msgdrop_cli.records.store import RUNS, RunRecord, Status, find_run, set_status
+from msgdrop_cli.signals import SIGNALS, held_back
+from msgdrop_cli.stopping import NOTHING, WRITING, Control, Unanswered
 
 TRIES = 3
 """How often a run is begun or continued if its worker dies."""
-_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 _PR_SET_PDEATHSIG = 1
 _Arrived = Callable[[Sequence["Outcome"]], None]
-
-
-class Stopped(Exception):
-    """The user (or the machine) asked us to stop, and everything is written."""
-
-    def __init__(self, signum: int) -> None:
-        super().__init__(f"stopped by signal {signum}")
-        self.signal = signum
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -71,56 +60,6 @@ class Outcome:
     """What the command exits with on account of this run."""
 
 
-@dataclass(slots=True)
-class Control:
-    """The files through which this process and its workers talk: stop, and who is at work."""
-
-    folder: Path
-    signal: int | None = None
-    """The signal that asked us to stop."""
-
-    def stopping(self) -> bool:
-        """Whether everybody should write checkpoints and return."""
-        return (self.folder / "stop").exists()
-
-    def mark(self, run_id: str, phase: str) -> None:
-        """Note, for the progress display only, what a worker does with this run."""
-        with suppress(OSError):
-            (self.folder / run_id).write_text(phase)
-
-    def phase(self, run_id: str) -> str | None:
-        """What a worker does with this run, None before it began."""
-        try:
-            return (self.folder / run_id).read_text()
-        except OSError:
-            return None
-
-
-@contextmanager
-def graceful_stop() -> Iterator[Control]:
-    """Turns the first SIGINT, SIGTERM or SIGHUP into a request to stop, the second into the end."""
-    with tempfile.TemporaryDirectory(prefix="msgdrop-") as folder:
-        control = Control(Path(folder))
-
-        def handle(signum: int, _: FrameType | None) -> None:
-            if control.signal is None:
-                control.signal = signum
-                (control.folder / "stop").touch()
-                return
-            # The workers die with us, and an interrupted file operation leaves the old file.
-            if sys.stderr.isatty():
-                os.write(2, b"\x1b[?25h\n")  # shows the cursor
-            shutil.rmtree(folder, ignore_errors=True)
-            os._exit(128 + signum)
-
-        before = {each: signal.signal(each, handle) for each in _SIGNALS}
-        try:
-            yield control
-        finally:
-            for each, handler in before.items():
-                signal.signal(each, handler)
-
-
 def run_tasks(
     tasks: Sequence[Task],
     control: Control,
@@ -140,14 +79,23 @@ def run_tasks(
             outcomes[outcome.run_id] = outcome
             finished(outcome)
 
-    if min(workers, len(tasks)) <= 1:
-        for task in tasks:
-            if not control.stopping():
-                arrived(work(task, control))
-    else:
-        _in_pool(list(tasks), control, workers, arrived)
+    control.waiting = True
+    try:
+        if min(workers, len(tasks)) <= 1:
+            for task in tasks:
+                if not control.stopping():
+                    arrived(work(task, control))
+        else:
+            _in_pool(list(tasks), control, workers, arrived)
+    except Unanswered:
+        pass  # joblib has killed the silent ones by now
+    finally:
+        control.waiting = False
+    begun = control.phases()
     for task in tasks:
-        arrived([_interrupted(each) for each in task.run_ids if each not in outcomes])
+        for run_id in task.run_ids:
+            if run_id not in outcomes:
+                arrived([_given_up(task, run_id) if run_id in begun else _interrupted(run_id)])
     return [outcomes[run_id] for task in tasks for run_id in task.run_ids]
 
 
@@ -166,7 +114,10 @@ def work(task: Task, control: Control) -> list[Outcome]:
             outcomes += _train(task, control)
         except Exception as error:
             outcomes += [_failure(run.run_id, error) for run in task.train]
-    return [_evaluated(task, outcome, control) for outcome in outcomes]
+    outcomes = [_evaluated(task, outcome, control) for outcome in outcomes]
+    for run_id in task.run_ids:
+        control.mark(run_id, NOTHING)
+    return outcomes
 
 
 @dataclass(slots=True, eq=False)
@@ -196,7 +147,10 @@ def _one_pool(
     batch: Sequence[_Attempt], control: Control, workers: int, arrived: _Arrived
 ) -> tuple[list[_Attempt], list[_Attempt]]:
     """Run a batch until it is done or a worker dies: what is done, and what was in flight then."""
+    from multiprocessing import resource_tracker
+
     from joblib import Parallel, delayed, parallel_config
+    from joblib.externals.loky.backend import resource_tracker as loky_tracker
     from joblib.externals.loky.process_executor import BrokenProcessPool
 
     owner = {run_id: attempt for attempt in batch for run_id in attempt.task.run_ids}
@@ -218,8 +172,15 @@ def _one_pool(
                 return_as="generator_unordered",
                 pre_dispatch="n_jobs",
                 batch_size=1,
+                temp_folder=batch[0].task.root,  # for large arrays: there are none, it stays empty
             )
-            for outcomes in pool(calls()):
+            with held_back():
+                # They hold back signals themselves, one lets them through afterwards.
+                resource_tracker.ensure_running()
+                loky_tracker.ensure_running()
+            with held_back():
+                arriving = pool(calls())
+            for outcomes in arriving:
                 done.append(owner[outcomes[0].run_id])
                 arrived(outcomes)
     except BrokenProcessPool:
@@ -232,16 +193,25 @@ def _begin_worker(parent: int) -> None:
     ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL, 0, 0, 0)
     if os.getppid() != parent:  # it died before we could ask
         os._exit(1)
-    for each in _SIGNALS:
+    for each in SIGNALS:  # so far they were held back
         signal.signal(each, signal.SIG_IGN)
 
 
 def _train(task: Task, control: Control) -> list[Outcome]:
     from msgdrop_cli.engine.run import train_cohort
 
+    ids = [run.run_id for run in task.train]
+
+    def stop() -> bool:
+        if not control.stopping():
+            return False
+        for run_id in ids:
+            control.mark(run_id, WRITING)
+        return True
+
     if control.stopping():  # while torch was loaded
-        return [_interrupted(run.run_id) for run in task.train]
-    made = train_cohort(task.train, task.root, device=task.device, stop=control.stopping)
+        return [_interrupted(run_id) for run_id in ids]
+    made = train_cohort(task.train, task.root, device=task.device, stop=stop)
     return [Outcome(**asdict(each)) for each in made]
 
 
@@ -282,17 +252,30 @@ def _failure(run_id: str, error: Exception) -> Outcome:
 
 
 def _killed(task: Task, run_id: str) -> Outcome:
-    """The outcome of a run that nobody was left to write down."""
+    """The outcome of a run that took its workers along."""
     reason = f"its worker process died {TRIES} times (killed, or out of memory?)"
-    path = None
-    with suppress(RecordError):  # another process may train it by now
-        record = find_run(task.root / RUNS if task.train else task.root, run_id)
-        if record is not None and record.status != "done":
-            path = record.path
-            with run_lock(path):
-                set_status(path, "failed", reason)
+    path = _closed(task, run_id, "failed", reason)
     return Outcome(run_id=run_id, path=path, status="failed", reason=reason, exit_code=3)
 
 
+def _given_up(task: Task, run_id: str) -> Outcome:
+    """The outcome of a run whose worker did not come back when it was asked to stop."""
+    reason = "no answer: ended without a checkpoint"
+    path = _closed(task, run_id, "interrupted", reason)
+    return Outcome(run_id=run_id, path=path, status="interrupted", reason=reason)
+
+
 def _interrupted(run_id: str) -> Outcome:
+    """The outcome of a run that was not begun."""
     return Outcome(run_id=run_id, path=None, status="interrupted")
+
+
+def _closed(task: Task, run_id: str, status: Status, reason: str) -> Path | None:
+    """Write down how a run ended that nobody was left to write down; None if there is none."""
+    with suppress(RecordError):  # another process may train it by now
+        record = find_run(task.root / RUNS if task.train else task.root, run_id)
+        if record is not None and record.status not in ("done", "diverged"):
+            with run_lock(record.path):
+                set_status(record.path, status, reason)
+            return record.path
+    return None

@@ -21,7 +21,7 @@ from msgdrop_cli.engine.catalogue import catalogue
 from msgdrop_cli.records.archive import contents
 from msgdrop_cli.records.files import run_lock
 from msgdrop_cli.records.store import list_runs
-from msgdrop_cli.scheduler import Control, graceful_stop
+from msgdrop_cli.stopping import Control, graceful_stop
 from tests.cli_runs import QUESTION, ROOT, Store, filled_store, msgdrop
 from tests.runs import digest
 

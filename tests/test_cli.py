@@ -11,6 +11,7 @@ from msgdrop_cli import scheduler
 from msgdrop_cli.__main__ import greeting
 from msgdrop_cli.commands import words
 from msgdrop_cli.errors import DefinitionError
+from msgdrop_cli.stopping import Control
 from tests.cli_runs import Store, copied_store, filled_store, msgdrop, python
 
 TINY = (
@@ -134,7 +135,7 @@ def test_failed_run_does_not_stop_the_others(
     """With one run failing the other three end, the table says so, and the exit code is 3."""
     train = scheduler._train
 
-    def fail_once(task: scheduler.Task, control: scheduler.Control) -> list[scheduler.Outcome]:
+    def fail_once(task: scheduler.Task, control: Control) -> list[scheduler.Outcome]:
         if (task.train[0].variant, task.train[0].spec.seed) == ("dcc", 1):
             raise ValueError("the disk is on fire")
         return train(task, control)
@@ -246,9 +247,10 @@ def test_status_loads_nothing_heavy(store: Store) -> None:
 
 
 def test_greeting_comes_before_the_program(store: Store) -> None:
-    """The first line needs nothing of the program but its version."""
+    """The first line needs nothing of the program but its version and what Ctrl-C does."""
     code = "import msgdrop_cli.__main__, sys; print([m for m in sys.modules if 'msgdrop_cli' in m])"
-    assert python("-c", code).stdout == "['msgdrop_cli', 'msgdrop_cli.__main__']\n"
+    loaded = "['msgdrop_cli', 'msgdrop_cli.signals', 'msgdrop_cli.__main__']\n"
+    assert python("-c", code).stdout == loaded
     code = "import msgdrop_cli.__main__, sys; print('typer' in sys.modules)"
     assert python("-c", code).stdout == "False\n"
 

@@ -10,7 +10,6 @@ from pathlib import Path
 import pytest
 from rich.console import Console
 
-from msgdrop_cli import __main__
 from msgdrop_cli.commands import console
 from tests.cli_runs import ROOT
 
@@ -59,19 +58,6 @@ def test_letters_that_an_encoding_lacks_are_replaced(tmp_path: Path) -> None:
     done = shell(f"msgdrop ablate {question} --dry-run", PYTHONIOENCODING="ascii")
     assert done.returncode == 0, done.stderr
     assert "?? " in done.stdout
-
-
-def test_an_interrupt_while_the_program_loads_is_130(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Ctrl-C before there is anything to stop: no traceback."""
-
-    def interrupted(_: Sequence[str]) -> None:
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr(__main__, "_mend_streams", lambda: None)
-    monkeypatch.setattr(__main__, "greeting", interrupted)
-    with pytest.raises(SystemExit) as ended:
-        __main__.main()
-    assert ended.value.code == 130
 
 
 def drawn(width: int, rows: Sequence[Sequence[str]], total: str) -> str:

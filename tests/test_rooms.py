@@ -18,7 +18,7 @@ ROOT = Path(__file__).resolve().parents[1]
 ORDER = (
     *("__main__", "app", "commands", "report", "analysis", "scheduler"),
     *("engine", "algorithms", "msgdrop_envs", "kernels", "networks", "ops"),
-    *("records", "definition", "msgdrop_ablations", "errors"),
+    *("records", "definition", "msgdrop_ablations", "stopping", "signals", "errors"),
 )
 """A room imports itself and what stands to its right."""
 WARM = {"engine", "algorithms", "msgdrop_envs", "kernels", "networks", "ops"}

@@ -5,7 +5,6 @@ from collections.abc import Sequence
 from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import NamedTuple
 
 from msgdrop_cli.analysis.summary import Summary
@@ -16,7 +15,9 @@ from msgdrop_cli.commands.words import several
 from msgdrop_cli.errors import DefinitionError, RecordError
 from msgdrop_cli.records.packed import packed_name
 from msgdrop_cli.records.store import EPISODES, METRICS, POLICY, RUN, RUNS, RunRecord, list_runs
-from msgdrop_cli.scheduler import Stopped, Task, graceful_stop, run_tasks
+from msgdrop_cli.scheduler import Task, run_tasks
+from msgdrop_cli.signals import scratch_folder
+from msgdrop_cli.stopping import Stopped, graceful_stop
 
 _COPIED = (RUN, POLICY, METRICS, EPISODES, packed_name(METRICS), packed_name(EPISODES))
 
@@ -157,7 +158,7 @@ def _is_ours(record: RunRecord) -> bool:
 
 
 def _copy(record: RunRecord, keep: ExitStack) -> RunRecord:
-    folder = Path(keep.enter_context(TemporaryDirectory(prefix="msgdrop-"))) / record.path.name
+    folder = keep.enter_context(scratch_folder()) / record.path.name
     folder.mkdir()
     for name in _COPIED:
         if (record.path / name).is_file():

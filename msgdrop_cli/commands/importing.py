@@ -4,7 +4,6 @@ from collections import defaultdict
 from collections.abc import Sequence
 from json import dumps
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Annotated, NamedTuple
 
 import typer
@@ -20,6 +19,7 @@ from msgdrop_cli.records.archive import install, unpack
 from msgdrop_cli.records.files import CANNOT_CREATE, read_bytes
 from msgdrop_cli.records.packed import log_bytes
 from msgdrop_cli.records.store import EPISODES, METRICS, POLICY, RUN, RUNS, RunRecord, find_run
+from msgdrop_cli.signals import scratch_folder
 
 app = typer.Typer()
 
@@ -46,10 +46,10 @@ def import_archives(
     """
     from msgdrop_cli.engine.catalogue import catalogue
 
-    with TemporaryDirectory(prefix="msgdrop-") as scratch:
+    with scratch_folder() as scratch:
         records = []
         for number, archive in enumerate(archives):
-            folder = Path(scratch) / str(number)
+            folder = scratch / str(number)
             folder.mkdir()
             for record in unpack(archive, folder):
                 _check(record, archive, catalogue())

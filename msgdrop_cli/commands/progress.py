@@ -18,12 +18,15 @@ from msgdrop_cli.definition.strict import one_line
 from msgdrop_cli.errors import RecordError
 from msgdrop_cli.records.files import read_json
 from msgdrop_cli.records.store import PROGRESS
-from msgdrop_cli.scheduler import Control, Outcome
+from msgdrop_cli.scheduler import Outcome
+from msgdrop_cli.stopping import WRITING, Control
 
 _HEADERS = ("run", "env steps", "done", "env steps/s", "now", "left")
-_TICK_S = 0.2
-_TICKS = 5
+_TICK_S = 0.05
+"""A tenth of a second after Ctrl-C its words are there."""
+_TICKS = 20
 """Ticks between two looks at the files."""
+_TRAINS = ("training", WRITING)
 _STOPPING = "stopping: writing checkpoints (Ctrl-C again to stop without)"
 
 
@@ -90,15 +93,16 @@ class Watch:
 
     def _look(self) -> None:
         rows, speed = [], 0.0
+        phases = self.control.phases()
         for run in self.runs.values():
-            phase = self.control.phase(run.run_id)
+            phase = phases.get(run.run_id)
             if phase is None or run.run_id in self.ended:
                 continue
             if run.run_id not in self.begun:
                 self.begun.add(run.run_id)
                 if not self.display.live:
                     self.display.say(f"{phase:<11}  {run.name}")
-            now = progress(run.path) if phase == "training" else {}
+            now = progress(run.path) if phase in _TRAINS else {}
             speed += float(now.get("env_steps_per_s") or 0.0)
             self.steps[run.run_id] = int(now.get("env_steps") or self.steps[run.run_id])
             rows.append(_cells(run, phase, now))
@@ -127,7 +131,7 @@ def progress(path: Path) -> dict[str, Any]:
 
 
 def _cells(run: Watched, phase: str, now: dict[str, Any]) -> tuple[str, ...]:
-    if phase != "training":
+    if phase not in _TRAINS:
         return (run.name, f"{run.train_env_steps:,}", "100%", "", phase, "")
     if not now:
         return (run.name, f"{run.env_steps:,}", "", "", "starting", "")

@@ -28,7 +28,8 @@ from msgdrop_cli.errors import RecordError
 from msgdrop_cli.records.store import RunRecord, list_runs, run_path
 from msgdrop_cli.report.table import links_text
 from msgdrop_cli.report.write import figures_folder
-from msgdrop_cli.scheduler import Outcome, Stopped, Task, graceful_stop, run_tasks
+from msgdrop_cli.scheduler import Outcome, Task, run_tasks
+from msgdrop_cli.stopping import Stopped, graceful_stop
 
 
 def carry_out(definition: Definition, options: TrainOptions) -> int:

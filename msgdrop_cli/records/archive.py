@@ -16,7 +16,6 @@ import zlib
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any
 
 from msgdrop_cli.definition.spec import NAME
@@ -33,6 +32,7 @@ from msgdrop_cli.records.files import (
 )
 from msgdrop_cli.records.seals import fingerprint, seal
 from msgdrop_cli.records.store import EPISODES, METRICS, POLICY, RUN, RunRecord, list_runs
+from msgdrop_cli.signals import scratch_folder
 
 SCHEMA = 1
 MANIFEST = "MANIFEST.json"
@@ -141,8 +141,8 @@ def install(record: RunRecord, target: Path) -> None:
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
         # A name that is not the run's, and run.json last: if we are killed here, this is no run.
-        with TemporaryDirectory(dir=target.parent, prefix=TEMPORARY) as scratch:
-            copy = Path(scratch) / "run"
+        with scratch_folder(target.parent, TEMPORARY) as scratch:
+            copy = scratch / "run"
             copy.mkdir()
             for name in FILES:
                 write_bytes_atomic(copy / name, read_bytes(record.path / name))

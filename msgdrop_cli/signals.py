@@ -1,0 +1,79 @@
+"""Signals that end the program, and what it leaves behind then.
+
+Outside of training and evaluation (`stopping.py`) a signal ends it at once: what is on disk is
+whole at any time. What was ignored at the start (`nohup`, `command &` in a script) stays ignored.
+Loads next to nothing: until its handlers are there, Ctrl-C is a traceback.
+"""
+
+import os
+import signal
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+
+TYPE_CHECKING = False
+"""Not typing's, which takes longer to load than everything here."""
+if TYPE_CHECKING:
+    from pathlib import Path
+    from types import FrameType
+    from typing import NoReturn
+
+SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+_scratch = set[str]()
+
+
+def end_at_once() -> None:
+    """From now on a signal ends the program, with a word.
+
+    Not by an exception: within an import torch makes an ImportError of it, and others swallow it.
+    """
+    for each in heeded():
+        signal.signal(each, _end)
+
+
+def heeded() -> list[signal.Signals]:
+    """The signals that nobody has told this process to ignore."""
+    return [each for each in SIGNALS if signal.getsignal(each) is not signal.SIG_IGN]
+
+
+@contextmanager
+def held_back() -> Iterator[None]:
+    """Signals wait for the end of the block; processes that are started in it never get them."""
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, SIGNALS)
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+@contextmanager
+def scratch_folder(parent: "Path | None" = None, prefix: str = "msgdrop-") -> Iterator["Path"]:
+    """A temporary folder that goes with the block, or with the signal that ends the program."""
+    from pathlib import Path
+    from tempfile import TemporaryDirectory
+
+    with TemporaryDirectory(dir=parent, prefix=prefix) as name:
+        _scratch.add(name)
+        try:
+            yield Path(name)
+        finally:
+            _scratch.discard(name)
+
+
+def leave(signum: int, words: bytes = b"") -> "NoReturn":
+    """End here and now: workers die with us, and an interrupted file operation leaves the old file.
+
+    stderr is written to directly, since we may be in the middle of a line of it.
+    """
+    with suppress(OSError):
+        # Below the ^C of a terminal, with the cursor that a progress display hides.
+        os.write(2, (b"\x1b[?25h\n" if os.isatty(2) else b"") + words)
+    if _scratch:
+        from shutil import rmtree
+
+        for name in tuple(_scratch):
+            rmtree(name, ignore_errors=True)
+    os._exit(128 + signum)
+
+
+def _end(signum: int, _: "FrameType | None") -> None:
+    leave(signum, b"stopped\n")
