@@ -31,7 +31,13 @@ from msgdrop_cli.definition.strict import one_line
 from msgdrop_cli.errors import MsgdropError
 from msgdrop_cli.stopping import Stopped
 
-_INTERNAL, _USAGE, _NO_SPACE, _BROKEN_PIPE = 1, 2, 74, 141
+_INTERNAL, _USAGE, _MACHINE, _BROKEN_PIPE = 1, 2, 74, 141
+
+_LACKS = (
+    *("annot allocate memory", "an't allocate memory", "failed to map segment"),
+    *("bad_alloc", "can't start new thread", "error return without exception set"),
+)
+"""What libraries and Python say for want of memory where it is no MemoryError."""
 
 app = typer.Typer(
     name="msgdrop",
@@ -98,10 +104,24 @@ def _unexpected(error: Exception) -> int:
     if os.environ.get("MSGDROP_TRACEBACK") == "1":
         console.note(traceback.format_exc().rstrip())
     if isinstance(error, OSError) and error.errno in (errno.ENOSPC, errno.EDQUOT, errno.EIO):
-        return _failed(f"{error.filename or 'disk'}: {error.strerror}", _NO_SPACE)
+        return _failed(f"{error.filename or 'disk'}: {error.strerror}", _MACHINE)
     what = f"{type(error).__name__}: {error}"
+    if lack := _lack_of_memory(error):
+        return _failed(f"memory is short: {lack} (free some, or see ulimit -a)", _MACHINE)
+    if isinstance(error, FileNotFoundError) and "temporary directory" in what:
+        return _failed(f"{error.strerror}; name a folder in TMPDIR", _MACHINE)
     hint = "this is a bug in msgdrop; MSGDROP_TRACEBACK=1 shows it"
     return _failed(f"{what} ({hint})", _INTERNAL)
+
+
+def _lack_of_memory(error: BaseException | None) -> str | None:
+    """What a lack of memory was seen by, also if something else was made of it; None without."""
+    while error is not None:
+        what = str(error) or type(error).__name__
+        if isinstance(error, MemoryError) or any(word in what for word in _LACKS):
+            return what
+        error = error.__cause__ or error.__context__
+    return None
 
 
 def _failed(message: str, code: int) -> int:

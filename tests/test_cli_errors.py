@@ -129,6 +129,40 @@ def test_our_own_mistakes_are_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
     )
 
 
+@pytest.mark.parametrize(
+    "error",
+    [
+        MemoryError(),
+        ImportError("libtorch.so: failed to map segment from shared object"),
+        RuntimeError("can't start new thread"),
+        SystemError("error return without exception set"),
+        OSError(12, "Cannot allocate memory"),
+    ],
+)
+def test_a_lack_of_memory_is_called_so(error: Exception, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Also if something else was made of it: no setting is too large, nothing is a bug of ours."""
+
+    def lacking(_: str) -> float:
+        raise RuntimeError("something else") from error
+
+    monkeypatch.setattr(words, "broken_links", lacking)
+    said = msgdrop("eval", "--broken-links", "half")
+    assert (said.code, said.out) == (74, "")
+    assert said.err.startswith("msgdrop: error: memory is short: "), said.err
+
+
+def test_no_folder_for_temporary_files_is_no_bug(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What to do is said."""
+
+    def nowhere(_: str) -> float:
+        raise FileNotFoundError(2, "No usable temporary directory found in ['/tmp']")
+
+    monkeypatch.setattr(words, "broken_links", nowhere)
+    said = msgdrop("eval", "--broken-links", "half")
+    assert (said.code, said.err.count("\n")) == (74, 1)
+    assert said.err.endswith("found in ['/tmp']; name a folder in TMPDIR\n")
+
+
 def test_a_damaged_policy_costs_only_its_run(copy: Store) -> None:
     """`eval` names the bad run in one line, shows the others' table, and exits with 2."""
     policy = sorted(copy.results.rglob("policy.safetensors"))[0]

@@ -10,7 +10,7 @@ import torch
 
 from msgdrop_cli.algorithms.registry import learner_class
 from msgdrop_cli.commands import estimate
-from msgdrop_cli.commands.shapes import run_sizes
+from msgdrop_cli.commands.shapes import on_no_device, run_sizes
 from msgdrop_cli.definition.load import load_definition
 from msgdrop_cli.definition.plan import ad_hoc_definition, plan
 from msgdrop_cli.definition.run_id import spec_to_dict
@@ -120,6 +120,13 @@ def test_every_environment_has_its_shapes_without_memory(environment: str) -> No
         env = registry.make(config, "meta")
     there = registry.make(config, "cpu")
     assert (env.agents, env.observation_size) == (there.agents, there.observation_size)
+
+
+@pytest.mark.parametrize("error", [MemoryError(), RuntimeError("can't start new thread")])
+def test_only_sizes_are_called_too_large(error: Exception) -> None:
+    """What else goes wrong while shapes are looked up is not blamed on the settings."""
+    with pytest.raises(type(error)), on_no_device("here"):
+        raise error
 
 
 @pytest.mark.parametrize(
