@@ -18,6 +18,9 @@ if TYPE_CHECKING:
     from typing import NoReturn
 
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+_PREFIX = "msgdrop-scratch-"
+_SURELY_LOCKED_S = 60.0
+"""Nobody takes that long from making a scratch folder to locking it."""
 _scratch = set[str]()
 
 
@@ -46,17 +49,47 @@ def held_back() -> Iterator[None]:
 
 
 @contextmanager
-def scratch_folder(parent: "Path | None" = None, prefix: str = "msgdrop-") -> Iterator["Path"]:
-    """A temporary folder that goes with the block, or with the signal that ends the program."""
+def scratch_folder(parent: "Path | None" = None, prefix: str = _PREFIX) -> Iterator["Path"]:
+    """A temporary folder that goes with the block, or with the signal that ends the program.
+
+    parent: $TMPDIR if None; there, what a kill has left of earlier ones is removed, too.
+    """
+    import fcntl
     from pathlib import Path
     from tempfile import TemporaryDirectory
 
     with TemporaryDirectory(dir=parent, prefix=prefix) as name:
+        handle = os.open(name, os.O_RDONLY)
         _scratch.add(name)
         try:
+            with suppress(
+                OSError
+            ):  # goes with this process, however it ends; some drives have none
+                fcntl.flock(handle, fcntl.LOCK_SH)
+            if parent is None:
+                _remove_abandoned(Path(name))
             yield Path(name)
         finally:
             _scratch.discard(name)
+            os.close(handle)
+
+
+def _remove_abandoned(ours: "Path") -> None:
+    """Remove our user's older scratch folders beside `ours` that no process holds."""
+    import fcntl
+    from shutil import rmtree
+
+    now = ours.stat().st_mtime  # by the clock of the file system
+    for folder in ours.parent.glob(f"{_PREFIX}*"):
+        with suppress(OSError):
+            handle = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW)
+            try:
+                facts = os.fstat(handle)
+                if facts.st_uid == os.getuid() and now - facts.st_mtime > _SURELY_LOCKED_S:
+                    fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                    rmtree(folder)
+            finally:
+                os.close(handle)
 
 
 def leave(signum: int, words: bytes = b"") -> "NoReturn":

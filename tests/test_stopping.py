@@ -1,4 +1,4 @@
-"""Signals: at once where nothing is at work, with checkpoints where it is; in real processes."""
+"""Work that is asked to stop: checkpoints, patience, and the end; most of it in real processes."""
 
 import os
 import shutil
@@ -15,9 +15,9 @@ from msgdrop_cli import scheduler, stopping
 from msgdrop_cli.engine import run as run_module
 from msgdrop_cli.engine.run import RunOutcome
 from msgdrop_cli.scheduler import Outcome, Task, run_tasks
-from msgdrop_cli.signals import SIGNALS, end_at_once, held_back
+from msgdrop_cli.signals import SIGNALS
 from msgdrop_cli.stopping import Control, graceful_stop
-from tests.cli_runs import ROOT, python
+from tests.cli_runs import ROOT
 from tests.processes import (
     TINY,
     alive,
@@ -230,66 +230,3 @@ def test_workers_never_get_a_signal(tmp_path: Path) -> None:
         run_tasks(tasks_for(tiny_runs(), tmp_path), control, workers=2, finished=look)
     assert held
     assert all(mask >> (each - 1) & 1 for mask in held for each in SIGNALS)
-
-
-@pytest.mark.parametrize("ignored", SIGNALS)
-def test_what_was_ignored_at_the_start_stays_ignored(ignored: signal.Signals) -> None:
-    """`nohup` and background jobs: neither the program nor its work takes the signal back."""
-    before = {each: signal.getsignal(each) for each in SIGNALS}
-    try:
-        signal.signal(ignored, signal.SIG_IGN)
-        end_at_once()
-        with graceful_stop():
-            heeded = [each for each in SIGNALS if signal.getsignal(each) is not signal.SIG_IGN]
-            assert heeded == [each for each in SIGNALS if each is not ignored]
-        assert signal.getsignal(ignored) is signal.SIG_IGN
-    finally:
-        for each, handler in before.items():
-            signal.signal(each, handler)
-
-
-def test_held_back_signals_come_afterwards() -> None:
-    """None is lost."""
-    arrived = []
-    before = signal.signal(signal.SIGHUP, lambda *_: arrived.append(1))
-    try:
-        with held_back():
-            os.kill(os.getpid(), signal.SIGHUP)
-            assert not arrived
-        assert arrived
-    finally:
-        signal.signal(signal.SIGHUP, before)
-
-
-@pytest.mark.parametrize(("signum", "code"), [("SIGINT", 130), ("SIGTERM", 143), ("SIGHUP", 129)])
-def test_a_signal_while_the_program_loads_ends_it(signum: str, code: int) -> None:
-    """At once and with a word, whatever an import would make of an exception."""
-    program = (
-        "import os, signal; from msgdrop_cli import __main__\n"
-        "def load(_):\n"
-        "    try:\n"
-        f"        os.kill(os.getpid(), signal.{signum})\n"
-        "    except BaseException as error:\n"
-        "        raise ImportError('numpy failed') from error\n"
-        "__main__.greeting = load; __main__.main()\n"
-    )
-    done = python("-c", program)
-    assert (done.returncode, done.stdout, done.stderr) == (code, "", "stopped\n")
-
-
-@pytest.mark.parametrize("times", [1, 2])
-def test_a_signal_removes_temporary_folders(tmp_path: Path, times: int) -> None:
-    """Outside of work the first, at work the second one ends the program: nothing is left."""
-    program = (
-        "import os, signal, sys; from contextlib import nullcontext; from pathlib import Path\n"
-        "from msgdrop_cli.signals import end_at_once, scratch_folder\n"
-        "from msgdrop_cli.stopping import graceful_stop\n"
-        "folder, times = Path(sys.argv[1]), int(sys.argv[2])\n"
-        "end_at_once()\n"
-        "with scratch_folder(folder), nullcontext() if times == 1 else graceful_stop():\n"
-        "    print(len(list(folder.iterdir())), flush=True)\n"
-        "    for _ in range(times): os.kill(os.getpid(), signal.SIGTERM)\n"
-    )
-    done = python("-c", program, str(tmp_path), str(times))
-    assert (done.returncode, done.stdout) == (143, "1\n"), done.stderr
-    assert not list(tmp_path.iterdir())
