@@ -40,7 +40,7 @@ def heeded() -> list[signal.Signals]:
 
 @contextmanager
 def held_back() -> Iterator[None]:
-    """Signals wait for the end of the block; processes that are started in it never get them."""
+    """Processes that are started in the block never get a signal; this thread does after it."""
     before = signal.pthread_sigmask(signal.SIG_BLOCK, SIGNALS)
     try:
         yield
