@@ -62,10 +62,8 @@ def scratch_folder(parent: "Path | None" = None, prefix: str = _PREFIX) -> Itera
         handle = os.open(name, os.O_RDONLY)
         _scratch.add(name)
         try:
-            with suppress(
-                OSError
-            ):  # goes with this process, however it ends; some drives have none
-                fcntl.flock(handle, fcntl.LOCK_SH)
+            with suppress(OSError):  # some network drives have no locks
+                fcntl.flock(handle, fcntl.LOCK_SH)  # goes with this process, however it ends
             if parent is None:
                 _remove_abandoned(Path(name))
             yield Path(name)
