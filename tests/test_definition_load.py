@@ -60,6 +60,23 @@ def test_a_file_of_the_user_is_read(tmp_path: Path) -> None:
     assert read.profiles["quick"].broken_links == (0.5,)
 
 
+def test_a_mark_of_the_byte_order_is_no_part_of_the_text(tmp_path: Path) -> None:
+    """Editors of Windows begin UTF-8 with one, and end lines with CR LF."""
+    file = tmp_path / "mine.toml"
+    file.write_text(GOOD)
+    plain = load_definition(str(file))
+    file.write_bytes(b"\xef\xbb\xbf" + GOOD.replace("\n", "\r\n").encode())
+    assert load_definition(str(file)) == plain
+
+
+def test_another_encoding_is_named(tmp_path: Path) -> None:
+    """What Windows calls Unicode is UTF-16: the line says what to save it as."""
+    file = tmp_path / "mine.toml"
+    file.write_text(GOOD, encoding="utf-16")
+    with pytest.raises(DefinitionError, match="is not in UTF-8; save it in that encoding"):
+        load_definition(str(file))
+
+
 def test_lists_in_a_claim_are_every_combination(tmp_path: Path) -> None:
     """One sentence about two environments is two orderings."""
     file = tmp_path / "mine.toml"

@@ -149,6 +149,8 @@ def test_seeds_are_a_count_or_a_list() -> None:
     assert parse_seeds("3") == (1, 2, 3)
     assert parse_seeds("1, 5,9") == (1, 5, 9)
     assert parse_seeds("7,") == (7,)
+    assert parse_seeds("1e1") == tuple(range(1, 11))
+    assert parse_seeds("1_0,1e5") == (10, 100_000)
 
 
 @pytest.mark.parametrize("text", ["0", "-1", "1,1", "1,0", "", ",", "x", "1.5", "٣", "9" * 99])

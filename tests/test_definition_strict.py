@@ -6,7 +6,7 @@ from typing import Any, Literal
 
 import pytest
 
-from msgdrop_cli.definition.strict import Where, build, one_line, overlay
+from msgdrop_cli.definition.strict import Where, build, one_line, overlay, whole_number
 from msgdrop_cli.errors import DefinitionError
 
 
@@ -44,6 +44,32 @@ def test_every_kind_of_field_is_read() -> None:
     assert type(made.rate) is float
 
 
+def test_a_float_without_a_fraction_is_a_whole_number() -> None:
+    """TOML has `1e6` for a float; people mean a million, in lists and tables within tables too."""
+    made = build(Config, {"count": 1e6, "widths": [64.0, 48], "inner": {"size": -0.0}}, "a.toml")
+    assert (made.count, made.widths, made.inner.size) == (1_000_000, (64, 48), 0)
+    assert type(made.count) is type(made.inner.size) is int
+
+
+def test_whole_numbers_as_they_are_typed() -> None:
+    """Digits, digits in groups, and powers of ten."""
+    typed = ("7", "1_000_000", "1e6", "1E5", "2.5e3", "-3", "9223372036854775807")
+    assert [whole_number(text) for text in typed] == [
+        *(7, 1_000_000, 1_000_000, 100_000, 2_500, -3),
+        9223372036854775807,
+    ]
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["", "x", "1.5", "1e-3", "inf", "nan", "0x10", "1,000", "1__0", "\u0663", "1e19", "9" * 5000],
+)
+def test_what_is_no_whole_number_is_refused(text: str) -> None:
+    """In one line that says what would be one, however long the text is."""
+    with pytest.raises(ValueError, match="expected a whole number such as 1000, 1_000 or 1e3"):
+        whole_number(text)
+
+
 @pytest.mark.parametrize(
     ("table", "message"),
     [
@@ -54,7 +80,12 @@ def test_every_kind_of_field_is_read() -> None:
         ({"rate": float("inf")}, "a.toml: rate: expected a finite number, not inf"),
         ({"rate": 1.5}, "a.toml: rate must lie between 0 and 1, not 1.5"),
         ({"rate": 10**5000}, "a.toml: rate: expected a finite number, not a number beyond 64 bits"),
-        ({"count": 1.0}, "a.toml: count: expected a whole number, not 1.0"),
+        ({"count": 1.5}, "a.toml: count: expected a whole number, not 1.5"),
+        (
+            {"count": 1e19},
+            "a.toml: count: expected a whole number, not a number beyond 64 bits",
+        ),
+        ({"count": float("inf")}, "a.toml: count: expected a whole number, not inf"),
         ({"count": True}, "a.toml: count: expected a whole number, not true"),
         ({"count": 2**63}, "a.toml: count: expected a whole number, not a number beyond 64 bits"),
         ({"own": 1}, "a.toml: own: expected true or false, not 1"),

@@ -106,7 +106,9 @@ def _parsed(name: str, file: str, content: bytes, *, shipped: bool) -> Definitio
     where = Where(file)
     _check_names([name], where)
     try:
-        table: Any = tomllib.loads(content.decode())
+        table: Any = tomllib.loads(content.decode("utf-8-sig"))  # Windows' editors write a mark
+    except UnicodeDecodeError as error:
+        raise where.error("is not in UTF-8; save it in that encoding") from error
     except (ValueError, RecursionError) as error:
         raise where.error(f"is not TOML: {error}") from error
     read = build(_File, table, where)

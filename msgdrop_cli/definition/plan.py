@@ -28,7 +28,7 @@ from msgdrop_cli.definition.spec import (
     TrainingSpec,
     Variant,
 )
-from msgdrop_cli.definition.strict import Where, overlay, shallow, shown
+from msgdrop_cli.definition.strict import Where, overlay, shallow, shown, whole_number
 from msgdrop_cli.errors import DefinitionError, nearest
 
 _MOST_SEEDS = 1_000
@@ -136,10 +136,11 @@ def parse_seeds(text: str) -> tuple[int, ...]:
     Raises DefinitionError for anything but different whole numbers from 1 to 2**31 - 1.
     """
     where = Where("--seeds")
-    words = [word.strip() for word in text.removesuffix(",").split(",")]
-    if not all(word.isascii() and word.isdigit() and len(word) <= 10 for word in words):
-        raise where.error(f"expected a count (3) or a list of seeds (1,5,9), not {shown(text)}")
-    numbers = tuple(int(word) for word in words)
+    try:
+        numbers = tuple(whole_number(word) for word in text.removesuffix(",").split(","))
+    except ValueError:
+        expected = "expected a count (3) or a list of seeds (1,5,9)"
+        raise where.error(f"{expected}, not {shown(text)}") from None
     return _checked_seeds(numbers if "," in text else numbers[0], where)
 
 

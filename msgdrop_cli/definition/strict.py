@@ -1,12 +1,14 @@
 """From tables to frozen dataclasses, with one clear line for whatever does not fit.
 
-The one cast is int to float: everything else of the wrong type is refused, never converted.
+The casts are int to float and, since people write a million as 1e6, a float without a fraction to
+int: everything else of the wrong type is refused, never converted.
 """
 
 import math
 import re
 import types
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import MISSING, Field, dataclass, fields, is_dataclass
 from typing import (
     Any,
@@ -138,6 +140,19 @@ def convert(value: Any, hint: Any, where: Where) -> Any:
     raise TypeError(f"{where}: no reader for fields of type {hint}")
 
 
+def whole_number(text: str) -> int:
+    """The whole number that somebody typed: `1000`, `1_000` or `1e3`.
+
+    Raises ValueError for any other text and for numbers beyond 64 bits; the caller knows where.
+    """
+    for read in (int, float):
+        with suppress(ValueError):
+            value = _whole(read(text if text.isascii() else ""))
+            if type(value) is int and abs(value) <= _LARGEST_INT:
+                return value
+    raise ValueError(f"expected a whole number such as 1000, 1_000 or 1e3, not {shown(text)}")
+
+
 def one_line(text: str) -> str:
     """`text` without control characters and line breaks, fit for a terminal."""
     return " ".join("".join(c if c.isprintable() else " " for c in text).split())
@@ -157,7 +172,14 @@ def shown(value: Any) -> str:
     return text if len(text) <= 50 else f"{text[:47]}..."
 
 
+def _whole(value: int | float) -> int | float:
+    """`1e6` as 1000000; what has a fraction or is not finite stays a float."""
+    return int(value) if isinstance(value, float) and value.is_integer() else value
+
+
 def _scalar(value: Any, hint: Any, where: Where) -> Any:
+    if hint is int and type(value) is float:
+        value = _whole(value)
     if hint is float and type(value) is int and abs(value) <= _LARGEST_INT:
         value = float(value)
     if type(value) is not hint:
