@@ -8,11 +8,13 @@ from typing import Any
 import numpy as np
 import pytest
 from gymnasium.spaces import Box, Discrete
-from pettingzoo.test import parallel_api_test, parallel_seed_test
+from pettingzoo.test import parallel_api_test, parallel_seed_test, render_test
+from pettingzoo.utils import parallel_to_aec
 
 from msgdrop_envs import parallel, registry
 from msgdrop_envs.parallel import ParallelGame, parallel_env
 from msgdrop_envs.pursuit import Config
+from msgdrop_envs.waterworld import Config as Waterworld
 
 SETTINGS = sorted(registry.settings())
 STAY = 4
@@ -66,6 +68,35 @@ def test_passes_the_seed_test_of_pettingzoo(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", SETTINGS)
+def test_passes_the_render_test_of_pettingzoo(name: str) -> None:
+    """PettingZoo's own test takes every mode that is promised, and `human` in any case."""
+    render_test(lambda render_mode: parallel_to_aec(parallel_env(name, render_mode)))
+
+
+@pytest.mark.parametrize("name", SETTINGS)
+def test_the_state_lies_in_its_space(name: str) -> None:
+    """As PettingZoo's `state_test` asks: one space, which holds the state of every position."""
+    game = parallel_env(name)
+    game.reset(seed=1)
+    rng = np.random.default_rng(1)
+    for _ in range(200):
+        assert game.state_space.contains(game.state())
+        if not game.agents:
+            game.reset()
+        game.step({agent: some(game.action_space(agent), rng) for agent in game.agents})
+
+
+def test_a_state_space_is_no_wider_than_the_game() -> None:
+    """Cells of the map; faster food widens waterworld's; navigation's world has no end."""
+    spaces = [parallel_env(name).state_space for name in ("pursuit-n6", "waterworld-n8")]
+    assert [(space.low.min(), space.high.max()) for space in spaces] == [(0, 14), (-1, 1)]
+    quick = parallel_env(Waterworld(food_speed=8.0))
+    quick.reset(seed=1)
+    assert quick.state_space.contains(quick.state())
+    assert parallel_env("navigation-n8").state_space.high.max() == np.inf
+
+
+@pytest.mark.parametrize("name", SETTINGS)
 def test_seed_decides_the_whole_game(name: str) -> None:
     """One seed gives one game, another seed another; a reset without a seed goes on."""
     first, second = parallel_env(name), parallel_env(name)
@@ -113,7 +144,7 @@ def test_observations_and_actions_fit_their_spaces(name: str) -> None:
 
 @pytest.mark.parametrize("name", SETTINGS)
 def test_pictures_and_text(name: str) -> None:
-    """Both render modes show every position, as PettingZoo types them; no mode shows nothing."""
+    """Every render mode shows every position, as PettingZoo types them; no mode shows nothing."""
     picture, text = parallel_env(name, "rgb_array"), parallel_env(name, "ansi")
     for game in (picture, text):
         game.reset(seed=1)
@@ -128,6 +159,20 @@ def test_pictures_and_text(name: str) -> None:
     silent = parallel_env(name)
     silent.reset(seed=1)
     assert silent.render() is None
+
+
+@pytest.mark.parametrize("name", SETTINGS)
+def test_human_sees_every_position_once(name: str, capsys: pytest.CaptureFixture[str]) -> None:
+    """It is printed at reset and at each step, and not again by `render()`."""
+    game, text = parallel_env(name, "human"), parallel_env(name, "ansi")
+    texts = []
+    for each in (game, text):
+        each.reset(seed=1)
+        texts.append(each.render())
+        play(each, 1, 1)
+        texts.append(each.render())
+    assert texts[:2] == [None, None]
+    assert capsys.readouterr().out == "".join(f"{each}\n" for each in texts[2:])
 
 
 @pytest.mark.parametrize("name", SETTINGS)
@@ -183,7 +228,7 @@ def test_names_are_pettingzoos() -> None:
     """The metadata carries name and version, the agents are numbered pursuers."""
     game = parallel_env("pursuit-n6")
     assert game.metadata["name"] == "pursuit_n6_v0"
-    assert game.metadata["render_modes"] == ["rgb_array", "ansi"]
+    assert game.metadata["render_modes"] == ["human", "rgb_array", "ansi"]
     assert game.possible_agents == [f"pursuer_{number}" for number in range(6)]
     assert str(parallel_env(Config(pursuers=2))) == "pursuit_v0"
     assert len(parallel_env(Config(pursuers=2)).possible_agents) == 2
@@ -226,7 +271,7 @@ def test_unknown_names_are_refused() -> None:
     with pytest.raises(ValueError, match=r"known: .*pursuit-n6, pursuit-n8"):
         parallel_env("chess")
     with pytest.raises(ValueError, match="render_mode must be one of"):
-        parallel_env("pursuit-n6", "human")
+        parallel_env("pursuit-n6", "window")
 
 
 def test_nothing_works_before_reset() -> None:

@@ -38,7 +38,7 @@ class NavigationView:
 
     version = 0
     """Bumped with every change of dynamics, reward or observation. 0: first release."""
-    observation_bounds = (-inf, inf)
+    observation_bounds = state_bounds = (-inf, inf)
 
     def __init__(self, config: Config) -> None:
         self.config = config

@@ -23,7 +23,7 @@ try:
 except ImportError as error:
     raise ImportError(f"{error}; run: pip install 'msgdrop[pettingzoo]'") from error
 
-RENDER_MODES = ("rgb_array", "ansi")
+RENDER_MODES = ("human", "rgb_array", "ansi")
 ByAgent = dict[str, Any]
 
 
@@ -35,6 +35,8 @@ class View(Protocol):
     agent_names: tuple[str, ...]
     observation_bounds: tuple[float, float]
     """The least and the largest number that an observation can hold."""
+    state_bounds: tuple[float, float]
+    """The same of a state."""
 
     def state_from_dict(self, given: Any) -> Any:
         """Read a state from plain lists and numbers; ValueError where it is none."""
@@ -59,7 +61,9 @@ class ViewedEnvironment(Environment, Protocol):
 def parallel_env(name: Any, render_mode: str | None = None) -> "ParallelGame":
     """One game, e.g. `parallel_env("pursuit-n6")`; `name` may also be an environment's Config.
 
-    render_mode: "rgb_array", "ansi" or None. Raises: ValueError for an unknown name or mode.
+    render_mode: "rgb_array" and "ansi" are what `render()` returns; "human" prints the text of
+    "ansi" on stdout at every reset and step, which needs no display, and opens no window.
+    Raises: ValueError for an unknown name or mode.
     """
     settings = registry.settings()
     if isinstance(name, str) and name not in settings:
@@ -95,6 +99,9 @@ class ParallelGame(ParallelEnv):  # type: ignore[misc]  # it ships no types
         self.observation_spaces = {
             agent: Box(low, high, shape, dtype.type) for agent in self.possible_agents
         }
+        start = environment.reset(torch.zeros(environment.reset_uniforms))  # any, for its shape
+        low, high = self._view.state_bounds
+        self.state_space = Box(low, high, _flat(start).shape, np.float32)
         size = environment.action_size
         self.action_spaces: dict[str, Box | Discrete] = {
             agent: Box(-1.0, 1.0, (size,), np.float32) if size else Discrete(environment.actions)
@@ -129,6 +136,7 @@ class ParallelGame(ParallelEnv):  # type: ignore[misc]  # it ships no types
         self._state = fresh if state is None else state
         self._elapsed = 0
         self.agents = list(self.possible_agents)
+        self._show()
         return self._by_agent(self._env.observe(self._state).numpy()), {a: {} for a in self.agents}
 
     def step(
@@ -158,6 +166,7 @@ class ParallelGame(ParallelEnv):  # type: ignore[misc]  # it ships no types
         )
         if terminated or truncated:
             self.agents = []
+        self._show()
         return result
 
     def state_dict(self) -> dict[str, Any]:
@@ -166,12 +175,13 @@ class ParallelGame(ParallelEnv):  # type: ignore[misc]  # it ships no types
 
     def state(self) -> np.ndarray[Any, Any]:
         """Everything there is, the fields of the environment's State in order: [S] float32."""
-        state = self._require_state()
-        parts = [getattr(state, field.name).reshape(-1) for field in fields(state)]
-        return torch.cat([part.to(torch.float32) for part in parts]).numpy()
+        return _flat(self._require_state())
 
     def render(self) -> np.ndarray[Any, Any] | str | None:
-        """The picture [height, width, 3] uint8 or the text that `render_mode` asks for."""
+        """The picture [height, width, 3] uint8 or the text that `render_mode` asks for.
+
+        None without a mode, and for "human", which has been shown already.
+        """
         state = self._require_state()
         if self.render_mode == "rgb_array":
             picture: np.ndarray[Any, Any] = self._view.render_rgb(state).numpy()
@@ -180,6 +190,10 @@ class ParallelGame(ParallelEnv):  # type: ignore[misc]  # it ships no types
 
     def close(self) -> None:
         """Nothing is held open."""
+
+    def _show(self) -> None:
+        if self.render_mode == "human":
+            print(self._view.render_text(self._state), flush=True)
 
     def _require_state(self) -> Any:
         if self._state is None:
@@ -216,3 +230,8 @@ class ParallelGame(ParallelEnv):  # type: ignore[misc]  # it ships no types
         if numbers.shape != (size,) or not (abs(numbers) <= 1).all():
             raise ValueError(f"{agent}: action {action!r} is not {size} numbers in [-1, 1]")
         return torch.from_numpy(numbers.copy())
+
+
+def _flat(state: Any) -> np.ndarray[Any, Any]:
+    parts = [getattr(state, field.name).reshape(-1) for field in fields(state)]
+    return torch.cat([part.to(torch.float32) for part in parts]).numpy()

@@ -36,6 +36,7 @@ class PursuitView:
         self.config = config
         self.agent_names = tuple(f"pursuer_{number}" for number in range(config.pursuers))
         self.observation_bounds = (0, max(config.pursuers - 1, config.evaders, 1))
+        self.state_bounds = (0, config.map_size - 1)
 
     def state_from_dict(self, given: Any) -> State:
         """Read `{"pursuers": [[row, col], ...], "evaders": [[row, col] or null, ...]}`.

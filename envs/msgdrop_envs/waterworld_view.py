@@ -36,6 +36,8 @@ class WaterworldView:
         unit = config.velocity_unit if config.sensors_scaled else 1.0
         largest = max(1.0, 3 * FASTEST / unit)  # two fastest against each other, on the diagonal
         self.observation_bounds = (-largest, largest)
+        fastest = max(FASTEST, config.food_speed / 2, config.poison_speed / 2)
+        self.state_bounds = (-fastest, fastest)
 
     def state_from_dict(self, given: Any) -> State:
         """Read `{"pursuers": {"positions": [[x, y], ...], "velocities": [[x, y], ...]}, ...}`.
