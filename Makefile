@@ -1,4 +1,5 @@
-# Everything runs in .venv; nothing outside this folder is touched.
+# Everything runs in .venv, and what lasts stays in this folder: compiled code and the list of fonts
+# go to .cache. Only pip keeps its downloads where it always does, for the next clone.
 #   make demo    install, train the first question in its quick profile, show table and figure
 #   make test    install with the test extras, run the whole suite
 #   make lint    ruff and mypy
@@ -12,16 +13,17 @@ VENV := .venv
 BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip --disable-pip-version-check
 SETUP := pyproject.toml constraints.txt
+INSIDE := XDG_CACHE_HOME="$(CURDIR)/.cache" MPLCONFIGDIR="$(CURDIR)/.cache/matplotlib"
 
 .PHONY: demo test lint bench clean distclean
 .NOTPARALLEL:
 .DELETE_ON_ERROR:
 
 demo: $(VENV)/demo.stamp
-	$(BIN)/msgdrop ablate blockwise-vs-elementwise
+	$(INSIDE) $(BIN)/msgdrop ablate blockwise-vs-elementwise
 
 test: $(VENV)/test.stamp
-	$(BIN)/python -m pytest
+	$(INSIDE) $(BIN)/python -m pytest
 
 lint: $(VENV)/lint.stamp
 	$(BIN)/ruff format --check
@@ -29,12 +31,12 @@ lint: $(VENV)/lint.stamp
 	$(BIN)/mypy
 
 bench: $(VENV)/demo.stamp
-	OMP_NUM_THREADS=1 $(BIN)/python -m benchmarks.throughput
-	OMP_NUM_THREADS=1 $(BIN)/python -m benchmarks.roofline
-	OMP_NUM_THREADS=1 $(BIN)/python -m benchmarks.workers
+	$(INSIDE) OMP_NUM_THREADS=1 $(BIN)/python -m benchmarks.throughput
+	$(INSIDE) OMP_NUM_THREADS=1 $(BIN)/python -m benchmarks.roofline
+	$(INSIDE) OMP_NUM_THREADS=1 $(BIN)/python -m benchmarks.workers
 
 clean:
-	rm -rf build dist .mypy_cache .pytest_cache .ruff_cache
+	rm -rf build dist .cache .mypy_cache .pytest_cache .ruff_cache
 	find msgdrop_cli envs ablations benchmarks tests -name __pycache__ -prune -exec rm -rf {} +
 
 distclean: clean
