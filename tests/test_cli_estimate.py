@@ -197,24 +197,24 @@ def test_work_counts_rows_and_updates() -> None:
 
 
 @pytest.mark.parametrize(
-    ("made_by", "speed"),
+    ("made_by", "speeds"),
     [
-        ({}, 48.0),
-        ({"kernel": "c-sparse"}, None),
-        ({"kernel": None}, None),
-        ({"host": "aarch64 DEFAULT"}, None),
-        ({"device": "cuda"}, None),
+        ({}, [48.0]),
+        ({"kernel": "c-sparse"}, []),
+        ({"kernel": None}, []),
+        ({"host": "aarch64 DEFAULT"}, []),
+        ({"device": "cuda"}, []),
     ],
 )
 def test_speed_is_learnt_from_what_worked_alike(
-    made_by: dict[str, str | None], speed: float | None, tmp_path: Path
+    made_by: dict[str, str | None], speeds: list[float], tmp_path: Path
 ) -> None:
     """Another machine's run, or one of an older kernel, says nothing about this one."""
     run = tiny.planned()
     alike = {"device": "cpu", "kernel": "c-dcc", "host": facts.host()}
     spec = {"spec": spec_to_dict(run.spec), "env_steps": 480, "wall_time_s": 10.0}
     record = RunRecord(tmp_path, {**spec, **alike, **made_by})
-    assert estimate._measured_speed(run, [record], "cpu", "c-dcc") == speed
+    assert estimate._measured_speeds(run, [record], "cpu", "c-dcc") == speeds
 
 
 def test_the_rule_of_thumb_is_near_what_was_measured() -> None:
@@ -230,3 +230,31 @@ def test_the_rule_of_thumb_is_near_what_was_measured() -> None:
         sizes = run_sizes(planned(environment, algorithm), episodes=8)
         speed = estimate._rule_of_thumb(replace(sizes, kernel=kernel))
         assert measured / 2 < speed < 2 * measured, (environment, algorithm, speed)
+
+
+def test_own_runs_say_more_of_this_machine_than_published_ones(tmp_path: Path) -> None:
+    """A host is a kind of processor only; published runs may come from another, idler one."""
+    run = tiny.planned()
+    made_by = {"device": "cpu", "kernel": "c-dcc", "host": facts.host()}
+    table = {"spec": spec_to_dict(run.spec), "env_steps": 480, **made_by}
+    published = RunRecord(tmp_path / "published" / "a" / "b", {**table, "wall_time_s": 10.0})
+    own = RunRecord(tmp_path / "runs" / "a" / "b", {**table, "wall_time_s": 40.0})
+    assert estimate._measured_speeds(run, [published, own], "cpu", "c-dcc") == [12.0]
+    assert estimate._measured_speeds(run, [published], "cpu", "c-dcc") == [48.0]
+
+
+@pytest.mark.parametrize(
+    ("speeds", "expected"),
+    [
+        ([], (1_000.0, 2_000.0, 500.0)),
+        ([100.0], (100.0, 125.0, 80.0)),
+        ([50.0, 100.0, 300.0], (100.0, 300.0, 50.0)),
+    ],
+)
+def test_a_range_is_what_was_measured_or_what_the_rule_is_good_for(
+    speeds: list[float], expected: tuple[float, float, float], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Likely, fastest, slowest: a factor of two, a quarter either way, or the spread if wider."""
+    monkeypatch.setattr(estimate, "_rule_of_thumb", lambda sizes: 1_000.0)
+    sizes = run_sizes(planned("pursuit-n6", "dcc"), episodes=8)
+    assert estimate._paces(speeds, sizes) == expected

@@ -3,7 +3,7 @@
 import os
 import shutil
 import tempfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -21,7 +21,9 @@ from msgdrop_cli.records.store import RUNS, RunRecord, find_run
 
 _RULE, _RULE_COMPILED = (0.2, 0.11), (0.1, 0.027)
 """ms of an env step on one core, and of a million of `Sizes.work`, in torch and in C: lines through
-what benchmarks/throughput.py measured of all learners, true within a factor of two."""
+what benchmarks/throughput.py measured of all learners."""
+_RULE_FACTOR, _MEASURED_FACTOR = 2.0, 1.25
+"""Within what the rule is true (test_cli_estimate), and runs of equal work on a quiet machine."""
 _BYTES_AN_EPISODE = 130
 
 
@@ -62,6 +64,8 @@ class Estimate:
     """What the pending runs need."""
 
     seconds: float
+    seconds_range: tuple[float, float]
+    """What it may be instead, at the fastest and at the slowest."""
     source: str
     """Where the speed comes from."""
     disk_bytes: int
@@ -106,27 +110,30 @@ def estimate(
     Raises DefinitionError for sizes that no machine can address.
     """
     sizes = {run.run_id: run_sizes(run, episodes) for run in looked_up.pending}
-    measured = 0
-    busy = [0.0] * workers
+    source = "measured on finished runs here"
+    busy = [(0.0, 0.0, 0.0)] * workers
     for task in tasks:
-        seconds = 0.0
+        alone = []
         for run in task:
             kernel = sizes[run.run_id].kernel if device == "cpu" else device
-            speed = _measured_speed(run, finished, device, kernel)
-            measured += speed is not None
-            speed = speed or _rule_of_thumb(sizes[run.run_id])
-            alone = looked_up.env_steps_left(run) / speed
-            seconds = max(seconds, alone) if device == "cuda" else seconds + alone
-        busy[busy.index(min(busy))] += seconds
-    source = "measured on finished runs here"
-    if measured < sum(map(len, tasks)):
-        source = "rule of thumb: not all of this was timed here before"
+            speeds = _measured_speeds(run, finished, device, kernel)
+            if not speeds:
+                source = "rule of thumb: not all of this was timed here before"
+            paces = _paces(speeds, sizes[run.run_id])
+            alone.append([looked_up.env_steps_left(run) / pace for pace in paces])
+        together: Callable[[Iterable[float]], float] = max if device == "cuda" else sum
+        taken = map(together, zip(*alone, strict=True))
+        free = busy.index(min(busy))
+        likely, least, most = map(sum, zip(busy[free], taken, strict=True))
+        busy[free] = likely, least, most
+    likely, least, most = map(max, zip(*busy, strict=True))
     rows = episodes * evaluations * _BYTES_AN_EPISODE
     kept = sum(sizes[run.run_id].kept + rows for run in looked_up.pending)
     at_work = [sum(sizes[run.run_id].working for run in task) for task in tasks]
     memory = [sum(sizes[run.run_id].memory for run in task) for task in tasks]
     return Estimate(
-        seconds=max(busy),
+        seconds=likely,
+        seconds_range=(least, most),
         source=source,
         disk_bytes=kept + sum(sorted(at_work)[-workers:]),
         memory_bytes=sum(sorted(memory)[-workers:]),
@@ -174,33 +181,47 @@ def _free_memory() -> int:
     return os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
 
 
+def _paces(speeds: Sequence[float], sizes: Sizes) -> tuple[float, float, float]:
+    """Env steps per second: the likely, the fastest and the slowest.
+
+    The range is that of what was measured, wide enough for what was not: starts and evaluations.
+    """
+    if not speeds:
+        rule = _rule_of_thumb(sizes)
+        return rule, rule * _RULE_FACTOR, rule / _RULE_FACTOR
+    likely = median(speeds)
+    fastest, slowest = likely * _MEASURED_FACTOR, likely / _MEASURED_FACTOR
+    return likely, max(fastest, *speeds), min(slowest, *speeds)
+
+
 def _rule_of_thumb(sizes: Sizes) -> float:
     """Env steps per second: a part of the time does not depend on the size of the networks."""
     once, each_million = _RULE if sizes.kernel.startswith("torch") else _RULE_COMPILED
     return 1e3 / (once + each_million * sizes.work / 1e6)
 
 
-def _measured_speed(
+def _measured_speeds(
     run: PlannedRun, finished: Sequence[RunRecord], device: str, kernel: str
-) -> float | None:
-    """Env steps per second of finished runs that had the same work to do; None without any.
+) -> list[float]:
+    """Env steps per second of the finished runs that had the same work to do.
 
     Imported runs and those of an older program count only if the same machine, kernel and device
-    would do the work now.
+    would do the work now; published ones, whose machine was of this kind, only without others.
     """
     from msgdrop_cli.engine import facts
 
     made_by = {"device": device, "kernel": kernel, "host": facts.host()}
     wanted = _work(spec_to_dict(run.spec))
-    speeds = [
-        record.env_steps / float(record.run["wall_time_s"])
+    alike = [
+        record
         for record in finished
         if made_by.items() <= record.run.items()
         and float(record.run["wall_time_s"]) > 1.0
         and record.env_steps
         and _work(record.spec) == wanted
     ]
-    return median(speeds) if speeds else None
+    nearest = [record for record in alike if record.is_own] or alike
+    return [record.env_steps / float(record.run["wall_time_s"]) for record in nearest]
 
 
 def _work(spec: Mapping[str, Any]) -> Any:

@@ -14,7 +14,7 @@ from msgdrop_cli.commands.progress import Watch, Watched
 from msgdrop_cli.commands.words import several
 from msgdrop_cli.errors import DefinitionError, RecordError
 from msgdrop_cli.records.packed import packed_name
-from msgdrop_cli.records.store import EPISODES, METRICS, POLICY, RUN, RUNS, RunRecord, list_runs
+from msgdrop_cli.records.store import EPISODES, METRICS, POLICY, RUN, RunRecord, list_runs
 from msgdrop_cli.scheduler import Task, run_tasks
 from msgdrop_cli.signals import scratch_folder
 from msgdrop_cli.stopping import Stopped, graceful_stop
@@ -45,7 +45,7 @@ def measurable_runs(
         listeners = [run for run in done if not _is_deaf(run)]
         _note_left_out(len(done) - len(listeners), "they hear nobody, so no link can break")
         done = listeners
-    for candidates in ([run for run in done if _is_ours(run)], done):
+    for candidates in ([run for run in done if run.is_own], done):
         runs = [
             run
             for run in candidates
@@ -78,7 +78,7 @@ def evaluated(
     check_device(device)
     console.note(f"{len(missing):,} of {several(len(sound), 'run')} lack episodes: played anew")
     places = [
-        record if record.run_id not in missing or _is_ours(record) else _copy(record, keep)
+        record if record.run_id not in missing or record.is_own else _copy(record, keep)
         for record in sound
     ]
     tasks = [
@@ -150,11 +150,6 @@ def _is_deaf(record: RunRecord) -> bool:
 def _note_left_out(runs: int, reason: str) -> None:
     if runs:
         console.note(f"{several(runs, 'finished run')} left out: {reason}")
-
-
-def _is_ours(record: RunRecord) -> bool:
-    """Whether it stands where training puts it, in `runs/<environment>/<run>`."""
-    return record.path.resolve().parts[-3:-2] == (RUNS,)
 
 
 def _copy(record: RunRecord, keep: ExitStack) -> RunRecord:

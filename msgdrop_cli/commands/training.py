@@ -20,7 +20,7 @@ from msgdrop_cli.commands.options import TrainOptions, check_device
 from msgdrop_cli.commands.progress import Watch, Watched
 from msgdrop_cli.commands.reporting import report
 from msgdrop_cli.commands.shapes import check_claims
-from msgdrop_cli.commands.words import duration, several, size
+from msgdrop_cli.commands.words import about, several, size
 from msgdrop_cli.definition.plan import Plan, plan
 from msgdrop_cli.definition.spec import Definition, PlannedRun
 from msgdrop_cli.definition.strict import one_line
@@ -230,7 +230,7 @@ def _plan_facts(
         facts |= {
             "training": f"{left:,} env steps",
             "evaluation": f"{asked.evaluation_episodes:,} episodes a run, links broken: {links}",
-            "time": f"about {duration(cost.seconds)} with {workers} ({cost.source})",
+            "time": f"{about(cost.seconds, *cost.seconds_range)} with {workers} ({cost.source})",
             "memory": f"about {size(cost.memory_bytes)}",
             "disk": f"up to {size(cost.disk_bytes)} in {options.results}",
         }
@@ -250,6 +250,7 @@ def _plan_json(asked: Plan, looked_up: Survey, cost: Estimate) -> dict[str, Any]
         "broken_links": list(asked.broken_links),
         "evaluation_episodes": asked.evaluation_episodes,
         "seconds": round(cost.seconds),
+        "seconds_range": [round(seconds) for seconds in cost.seconds_range],
         "seconds_source": cost.source,
         "memory_bytes": cost.memory_bytes,
         "disk_bytes": cost.disk_bytes,

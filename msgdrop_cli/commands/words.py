@@ -17,6 +17,11 @@ def duration(seconds: float) -> str:
     return f"{whole / 86400:.1f} days"
 
 
+def about(seconds: float, least: float, most: float) -> str:
+    """`about 2:05 h (1:40 h to 2:30 h)`."""
+    return f"about {duration(seconds)} ({duration(least)} to {duration(most)})"
+
+
 def size(count: float) -> str:
     """Bytes in decimal units: `850 kB`, `1.2 GB`."""
     for unit in ("B", "kB", "MB", "GB"):

@@ -140,6 +140,11 @@ class RunRecord:
         """The resolved spec, as `spec_to_dict` made it."""
         return dict(self.run["spec"])
 
+    @property
+    def is_own(self) -> bool:
+        """Whether it stands where training puts it, in `runs/<environment>/<run>`."""
+        return self.path.resolve().parts[-3:-2] == (RUNS,)
+
     def metrics(self) -> list[dict[str, Any]]:
         """The rows of `metrics.jsonl`, none before the first; RecordError if damaged."""
         return _rows(self.path / METRICS, "env_steps")
