@@ -18,6 +18,7 @@ from msgdrop_cli.errors import DefinitionError, RecordError
 from msgdrop_cli.records.archive import install, unpack
 from msgdrop_cli.records.files import CANNOT_CREATE, read_bytes
 from msgdrop_cli.records.packed import log_bytes
+from msgdrop_cli.records.planned import remove_planned
 from msgdrop_cli.records.store import EPISODES, METRICS, POLICY, RUN, RUNS, RunRecord, find_run
 from msgdrop_cli.signals import scratch_folder
 
@@ -137,6 +138,7 @@ def _places(records: Sequence[RunRecord], results: Path) -> list[_Found]:
             other = find_run(results / RUNS, record.run_id)
             if other is not None:
                 path = other.path
+                other = None if other.status == "planned" else other
             found[record.run_id] = _Found(record, path, other is not None)
         if other is not None and not _is_same(record, other):
             raise RecordError(
@@ -149,6 +151,7 @@ def _places(records: Sequence[RunRecord], results: Path) -> list[_Found]:
 def _installed(run: _Found) -> _Found:
     """The run, copied to its place; if another import was faster, it is there already."""
     try:
+        remove_planned(run.path, run.record.run_id)
         install(run.record, run.path)
     except RecordError:
         other = find_run(run.path, run.record.run_id)

@@ -1,6 +1,8 @@
 """`msgdrop status`: which runs there are and how far they have come; loads nothing heavy."""
 
 import time
+from collections import Counter
+from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -13,45 +15,58 @@ from msgdrop_cli.records.store import PROGRESS, RunRecord, list_runs
 
 app = typer.Typer()
 
+_HEADERS = ("environment", "variant", "profile", "status", "seed", "env steps", "done", "left")
+_PUBLISHED_HEADERS = ("question", "environment", "variant", "profile", "seeds", "env steps")
+_TEXT_COLUMNS = 4
+"""The columns after them hold numbers."""
 _SILENT_S = 30.0
 """A run at work writes about once a second; who is silent for so long may have been killed."""
 
 
 @app.command()
 def status(results: options.Folder = Path("results"), json: options.Json = False) -> int:
-    """List the runs and how far they have come."""
+    """List the runs and how far they have come.
+
+    What is still to be trained is `planned`. Published runs, if any, come after your own.
+    """
     from msgdrop_cli.commands.progress import progress
 
     lines = [_line(record, progress(record.path)) for record in list_runs(results)]
+    lines.sort(key=lambda line: not line["own"])  # stays sorted by path among its own kind
     if json:
         console.result_json(lines)
         return 0
-    from msgdrop_cli.report.table import Table
-
-    words = [line["status"] for line in lines]
-    counts = ", ".join(f"{words.count(word)} {word}" for word in dict.fromkeys(words))
-    console.table(
-        Table(
-            title=f"{several(len(lines), 'run')}: {counts}",
-            headers=(
-                "environment",
-                "variant",
-                "profile",
-                "status",
-                "seed",
-                "env steps",
-                "done",
-                "left",
-            ),
-            rows=tuple(_cells(line) for line in lines),
-            caption="",
-        ),
-        numbers_from=4,
-    )
+    own = [line for line in lines if line["own"]]
+    if own:
+        _show("run", _HEADERS, own, [_cells(line) for line in own])
+    if others := lines[len(own) :]:
+        _show("published run", _PUBLISHED_HEADERS, others, _published(others))
     for line in lines:
         if line["reason"]:
             console.result(f"{line['status']}: {line['path']}: {line['reason']}")
     return 0
+
+
+def _show(
+    kind: str,
+    headers: tuple[str, ...],
+    lines: Sequence[dict[str, Any]],
+    rows: Sequence[tuple[str, ...]],
+) -> None:
+    from msgdrop_cli.report.table import Table
+
+    words = [line["status"] for line in lines]
+    counts = ", ".join(f"{words.count(word)} {word}" for word in dict.fromkeys(words))
+    title = f"{several(len(lines), kind)}: {counts}"
+    table = Table(title=title, headers=headers, rows=tuple(rows), caption="")
+    console.table(table, numbers_from=_TEXT_COLUMNS)
+
+
+def _published(lines: Sequence[dict[str, Any]]) -> list[tuple[str, ...]]:
+    """A row for each variant: nobody waits for these, and they would push the own ones away."""
+    keys = ("definition", "environment", "label", "profile")
+    seeds = Counter((*(line[key] for key in keys), f"{line['env_steps']:,}") for line in lines)
+    return [(*row[:_TEXT_COLUMNS], str(count), row[-1]) for row, count in seeds.items()]
 
 
 def _line(record: RunRecord, now: dict[str, Any]) -> dict[str, Any]:
@@ -73,6 +88,7 @@ def _line(record: RunRecord, now: dict[str, Any]) -> dict[str, Any]:
         "env_steps_per_s": now.get("env_steps_per_s") if running else None,
         "eta_s": now.get("eta_s") if running else None,
         "silent_s": _silence(record) if running else None,
+        "own": record.is_own,
         "path": str(record.path),
     }
 

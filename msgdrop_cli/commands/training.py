@@ -25,6 +25,7 @@ from msgdrop_cli.definition.plan import Plan, plan
 from msgdrop_cli.definition.spec import Definition, PlannedRun
 from msgdrop_cli.definition.strict import one_line
 from msgdrop_cli.errors import RecordError
+from msgdrop_cli.records.planned import plan_run
 from msgdrop_cli.records.store import RunRecord, list_runs, run_path
 from msgdrop_cli.report.table import links_text
 from msgdrop_cli.report.write import figures_folder
@@ -71,6 +72,7 @@ def carry_out(definition: Definition, options: TrainOptions) -> int:
         check_memory(cost.memory_bytes, options.device)
         check_folder(options.results, cost.disk_bytes)
         _say_what_is_slow(options.device)
+        _write_down(looked_up, options.results)
         outcomes = _train(asked, looked_up, tasks, options)
     else:
         console.note("nothing to train")
@@ -84,6 +86,14 @@ def _say_what_is_slow(device: str) -> None:
 
     if device == "cpu" and (reason := why_torch()):
         console.note(f"updates are computed by torch, several times slower ({reason})")
+
+
+def _write_down(looked_up: Survey, root: Path) -> None:
+    """Make a record of every run that has none, so that `status` shows what is still to come."""
+    for run in looked_up.pending:
+        if run.run_id not in looked_up.records:
+            with suppress(RecordError):  # whoever is faster, or in the way: training will say so
+                plan_run(run_path(root, run), run)
 
 
 def _train(

@@ -21,6 +21,8 @@ from msgdrop_cli.errors import RecordError
 CANNOT_READ, CANNOT_CREATE, CANNOT_WRITE, BUSY = 2, 73, 74, 75
 LARGEST_FILE = 256 * 2**20
 _LARGEST_INT = 2**63 - 1
+LOCK = "lock"
+"""The file of a run folder that whoever writes there holds."""
 TEMPORARY = ".tmp-"
 """Begins the names of files and folders that are being written."""
 
@@ -155,7 +157,7 @@ def run_lock(path: Path) -> Iterator[None]:
     """
     try:
         path.mkdir(parents=True, exist_ok=True)
-        handle = os.open(path / "lock", os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW, 0o644)
+        handle = os.open(path / LOCK, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW, 0o644)
     except OSError as error:
         raise _failed("cannot be created", path, error, CANNOT_CREATE) from error
     try:
