@@ -10,6 +10,7 @@ from msgdrop_cli.signals import end_at_once
 
 _SLOW = ("train", "eval", "ablate", "unstable-test", "plot", "publish", "import")
 """Commands that load torch or matplotlib before they can say anything else."""
+_QUICK = {"-h", "--help", "--list"}
 _WIDTH = 120
 
 
@@ -30,9 +31,9 @@ def main() -> None:
 
 def greeting(arguments: Sequence[str]) -> str | None:
     """The first line of a slow command; None for one that answers at once."""
-    if not arguments or arguments[0] not in _SLOW or "--help" in arguments:
+    if not arguments or arguments[0] not in _SLOW or _QUICK.intersection(arguments):
         return None
-    if arguments[0] == "ablate" and len(arguments) == 1:
+    if arguments == ["ablate"]:
         return None
     words = "".join(c if c.isprintable() else " " for c in " ".join(arguments))
     line = f"msgdrop {__version__}: {words}"

@@ -47,7 +47,7 @@ app = typer.Typer(
     ),
     rich_markup_mode=None,  # plain help: quick to load, and no text is ever taken for markup
     pretty_exceptions_enable=False,
-    context_settings={"max_content_width": 100},
+    context_settings={"max_content_width": 100, "help_option_names": ["-h", "--help"]},
 )
 for _command in (ablate, train, eval, unstable_test, plot, status, publish, importing):
     app.add_typer(_command.app)

@@ -260,7 +260,8 @@ def test_greeting_comes_before_the_program(store: Store) -> None:
 def test_greeting_says_what_was_asked() -> None:
     """Slow commands are greeted in one printable line; help, version and lists are not."""
     assert greeting(["plot", "a\nb"]) == "msgdrop 0.1.0: plot a b"
-    assert greeting(["plot", "--help"]) is None
+    assert greeting(["plot", "--help"]) is greeting(["train", "-h"]) is None
+    assert greeting(["ablate", "--list"]) is None
     assert greeting(["--version"]) is None
     assert greeting(["ablate"]) is None
     assert greeting(["status"]) is None

@@ -5,24 +5,35 @@ from typing import Annotated
 
 import typer
 
-from msgdrop_cli.commands import console, options
+from msgdrop_cli.commands import console, options, settings
 from msgdrop_cli.definition.load import list_definitions, load_definition
 
 app = typer.Typer()
 
 
-@app.command()
+@app.command(
+    epilog=options.examples(
+        "ablate blockwise-vs-elementwise",
+        "ablate dropout-rate --profile million --seeds 6 --dry-run",
+        "ablate my-question.toml --set help   (what --set takes here)",
+    ),
+)
 def ablate(
     name: Annotated[
         str | None,
         typer.Argument(
             metavar="[NAME|FILE.toml]",
             help="A question that is shipped, or your own; leave it out to list those shipped.",
+            parser=options.question,
             autocompletion=list_definitions,
         ),
     ] = None,
-    profile: options.Profile = "quick",
+    lists: Annotated[
+        bool, typer.Option("--list", help="List the questions that are shipped.")
+    ] = False,
+    profile: options.Profile = None,
     overrides: options.Set = None,
+    seed: options.Seed = None,
     seeds: options.Seeds = None,
     workers: options.Workers = 2,
     device: options.Device = "cpu",
@@ -34,11 +45,13 @@ def ablate(
 
     What is finished is not trained again; what was interrupted goes on from its checkpoint.
     """
-    if name is None:
+    if name is None or lists:
         return _list(json)
+    definition = load_definition(name)
     checked = options.train_options(
-        profile=profile,
+        profile=options.chosen_profile(definition, profile),
         overrides=overrides,
+        seed=seed,
         seeds=seeds,
         workers=workers,
         device=device,
@@ -46,7 +59,8 @@ def ablate(
         dry_run=dry_run,
         json=json,
     )
-    definition = load_definition(name)
+    if settings.HELP in checked.overrides:
+        return settings.show_settings(definition, checked.profile, checked.overrides, as_json=json)
     from msgdrop_cli.commands.training import carry_out  # after the quick checks
 
     return carry_out(definition, checked)

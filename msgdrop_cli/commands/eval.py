@@ -10,12 +10,21 @@ from msgdrop_cli.commands import options, words
 app = typer.Typer()
 
 
-@app.command("eval")
+@app.command(
+    "eval",
+    epilog=options.examples(
+        "eval --broken-links half", "eval results/published --broken-links 30% --episodes 100"
+    ),
+)
 def evaluate(
     results: options.Folder = Path("results"),
     broken_links: Annotated[
         str,
-        typer.Option(metavar="none|half|all|0.3", help="How many of the links are broken."),
+        typer.Option(
+            metavar="SHARE",
+            help="How many links are broken: none, half, all, 0.3 or 30%.",
+            autocompletion=lambda: list(words.LINKS),
+        ),
     ] = "none",
     episodes: options.Episodes = 1_000,
     workers: options.Workers = 2,

@@ -33,10 +33,18 @@ class _Found(NamedTuple):
     is_there: bool
 
 
-@app.command("import")
+@app.command(
+    "import",
+    epilog=options.examples("import campaign/*.zip", "import a.zip b.zip --results other-results"),
+)
 def import_archives(
     archives: Annotated[
-        list[Path], typer.Argument(metavar="ARCHIVE...", help="What benchmarks/campaign.py wrote.")
+        list[Path],
+        typer.Argument(
+            metavar="ARCHIVE...",
+            help="What benchmarks/campaign.py wrote.",
+            parser=options.path,
+        ),
     ],
     results: options.Results = Path("results"),
     json: options.Json = False,

@@ -6,14 +6,49 @@ from typing import Annotated
 
 import typer
 
+from msgdrop_cli.commands import completion
+from msgdrop_cli.definition.load import list_definitions
 from msgdrop_cli.definition.plan import parse_seeds
+from msgdrop_cli.definition.spec import Definition
+from msgdrop_cli.definition.strict import Where, whole_number
 from msgdrop_cli.errors import DefinitionError, nearest
 
 _DEVICES = ("cpu", "cuda")
 _MOST_WORKERS = 256
+_PROFILE = "quick"
+"""The profile that is meant if none is named, where there are several."""
 
+
+def path(text: str | Path) -> Path:
+    """A path as people type it: shells leave the `~` of `--results=~/x` to us."""
+    try:
+        return Path(text).expanduser()
+    except RuntimeError as error:
+        raise typer.BadParameter(f"{str(text)!r}: whose home is not known") from error
+
+
+def question(text: str) -> str:
+    """A question's name, left as it is, or the path of its file."""
+    return str(path(text)) if text.startswith("~") else text
+
+
+def whole(text: str | int) -> int:
+    """A whole number as people type it: 1000, 1_000, 1e3."""
+    try:
+        return whole_number(str(text))
+    except ValueError as error:
+        raise typer.BadParameter(str(error)) from error
+
+
+SCALE = "Scale: quick (minutes), million, paper (days)."
 Profile = Annotated[
-    str, typer.Option(metavar="NAME", help="Scale: quick (minutes), million, paper (days).")
+    str | None,
+    typer.Option(
+        metavar="NAME",
+        help=SCALE,
+        show_default="quick, or the only one",
+        autocompletion=completion.profiles,
+    ),
 ]
 Set = Annotated[
     list[str] | None,
@@ -22,18 +57,41 @@ Set = Annotated[
         metavar="A.B=V",
         help="Override a setting of all variants, e.g. algorithm.gamma=0.9, or of one, e.g. "
         "variants.md-0.2.algorithm.rate=0.3.",
+        autocompletion=completion.settings,
     ),
 ]
 Seeds = Annotated[
     str | None, typer.Option(metavar="N|A,B,..", help="A number of seeds (3) or a list (1,5,9).")
 ]
-Workers = Annotated[int, typer.Option(metavar="N", help="Processes that work at the same time.")]
-Device = Annotated[str, typer.Option(metavar="cpu|cuda", help="Where tensors live.")]
-Results = Annotated[Path, typer.Option("--results", metavar="DIR", help="The results folder.")]
-Folder = Annotated[
-    Path, typer.Argument(metavar="[RESULTS]", help="A results folder or a part of it.")
+Seed = Annotated[int | None, typer.Option(metavar="N", help="Only this seed.", parser=whole)]
+Workers = Annotated[
+    int, typer.Option(metavar="N", help="Processes that work at the same time.", parser=whole)
 ]
-Episodes = Annotated[int, typer.Option(metavar="N", help="Episodes of each policy and channel.")]
+Device = Annotated[
+    str,
+    typer.Option(
+        metavar="cpu|cuda", help="Where tensors live.", autocompletion=lambda: list(_DEVICES)
+    ),
+]
+Question = Annotated[
+    str,
+    typer.Argument(
+        metavar="NAME|FILE.toml",
+        help="The question.",
+        parser=question,
+        autocompletion=list_definitions,
+    ),
+]
+Results = Annotated[
+    Path, typer.Option("--results", metavar="DIR", help="The results folder.", parser=path)
+]
+Folder = Annotated[
+    Path,
+    typer.Argument(metavar="[RESULTS]", help="A results folder or a part of it.", parser=path),
+]
+Episodes = Annotated[
+    int, typer.Option(metavar="N", help="Episodes of each policy and channel.", parser=whole)
+]
 DryRun = Annotated[bool, typer.Option("--dry-run", help="Show the plan and stop there.")]
 Json = Annotated[bool, typer.Option("--json", help="Results as JSON on stdout.")]
 
@@ -52,10 +110,16 @@ class TrainOptions:
     json: bool
 
 
+def examples(*lines: str) -> str:
+    """What stands at the end of a command's help; each line begins with the command's name."""
+    return "\n".join(("\b", "Examples:", *(f"  msgdrop {line}" for line in lines)))
+
+
 def train_options(
     *,
     profile: str,
     overrides: list[str] | None,
+    seed: int | None,
     seeds: str | None,
     workers: int,
     device: str,
@@ -69,13 +133,33 @@ def train_options(
     return TrainOptions(
         profile=profile,
         overrides=tuple(overrides or ()),
-        seeds=None if seeds is None else parse_seeds(seeds),
+        seeds=chosen_seeds(seed, seeds),
         workers=workers,
         device=device,
         results=results,
         dry_run=dry_run,
         json=json,
     )
+
+
+def chosen_seeds(seed: int | None, seeds: str | None) -> tuple[int, ...] | None:
+    """The seeds that `--seed` and `--seeds` ask for, None without either."""
+    if seed is not None and seeds is not None:
+        raise DefinitionError("--seed is one seed, --seeds are several: give one of them")
+    if seed is not None:
+        return parse_seeds(f"{seed},", "--seed")
+    return None if seeds is None else parse_seeds(seeds)
+
+
+def chosen_profile(definition: Definition, profile: str | None) -> str:
+    """The profile that is meant: the one named, the only one there is, or quick."""
+    if profile is not None:
+        return profile
+    known = list(definition.profiles)
+    if len(known) > 1 and _PROFILE not in known:
+        where = Where(definition.file).at("profiles")
+        raise where.error(f"which one is meant? --profile {' or '.join(known)}")
+    return known[0] if len(known) == 1 else _PROFILE
 
 
 def check_workers(workers: int) -> None:

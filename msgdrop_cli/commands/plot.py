@@ -11,7 +11,7 @@ from msgdrop_cli.records.store import list_runs
 app = typer.Typer()
 
 
-@app.command()
+@app.command(epilog=options.examples("plot", "plot other-results"))
 def plot(results: options.Folder = Path("results"), json: options.Json = False) -> int:
     """Draw every figure that the records allow.
 

@@ -9,21 +9,27 @@ import typer
 
 from msgdrop_cli.commands import console, options
 from msgdrop_cli.definition.load import load_definition
-from msgdrop_cli.definition.plan import parse_seeds, plan
+from msgdrop_cli.definition.plan import plan
 from msgdrop_cli.errors import DefinitionError
 
 app = typer.Typer()
+_To = Annotated[
+    Path, typer.Option(metavar="DIR", help="Where published records are kept.", parser=options.path)
+]
 
 
-@app.command()
+@app.command(
+    epilog=options.examples(
+        "publish dropout-rate --profile million", "publish my-question.toml --seed 7 --to published"
+    )
+)
 def publish(
-    name: Annotated[str, typer.Argument(metavar="NAME|FILE.toml", help="The question.")],
-    profile: options.Profile = "quick",
+    name: options.Question,
+    profile: options.Profile = None,
+    seed: options.Seed = None,
     seeds: options.Seeds = None,
     results: options.Results = Path("results"),
-    to: Annotated[
-        Path, typer.Option(metavar="DIR", help="Where published records are kept.")
-    ] = Path("results/published"),
+    to: _To = Path("results/published"),
     json: options.Json = False,
 ) -> int:
     """Copy a question's finished runs to where they can be committed.
@@ -31,6 +37,8 @@ def publish(
     The numbers of every run go along, the policy of each variant's lowest seed, tables, figures.
     """
     definition = load_definition(name)
+    profile = options.chosen_profile(definition, profile)
+    chosen = options.chosen_seeds(seed, seeds)
     from msgdrop_cli.analysis.claims import judge_claims
     from msgdrop_cli.analysis.summary import summarise
     from msgdrop_cli.commands.estimate import survey
@@ -43,7 +51,6 @@ def publish(
     from msgdrop_cli.report.publish import tables
     from msgdrop_cli.report.write import FIGURES, TABLES, Folder, write_atomic
 
-    chosen = None if seeds is None else parse_seeds(seeds)
     asked = plan(definition, profile, catalogue(), seeds=chosen)
     looked_up = survey(asked.runs, results)
     records = [

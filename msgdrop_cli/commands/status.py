@@ -23,7 +23,7 @@ _SILENT_S = 30.0
 """A run at work writes about once a second; who is silent for so long may have been killed."""
 
 
-@app.command()
+@app.command(epilog=options.examples("status", "status results/runs/pursuit-n6 --json"))
 def status(results: options.Folder = Path("results"), json: options.Json = False) -> int:
     """List the runs and how far they have come.
 

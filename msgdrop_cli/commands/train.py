@@ -1,16 +1,17 @@
 """`msgdrop train`: one named algorithm on one environment, outside any question."""
 
-from collections.abc import Mapping
-from dataclasses import fields, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from types import MappingProxyType
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
-from msgdrop_cli.commands import options
-from msgdrop_cli.definition.plan import ad_hoc_definition
-from msgdrop_cli.definition.spec import Profile
+from msgdrop_cli.commands import completion, options, settings, words
+from msgdrop_cli.definition.catalogue import Catalogue
+from msgdrop_cli.definition.plan import ad_hoc_definition, plan
+from msgdrop_cli.definition.spec import Definition, Profile
 from msgdrop_cli.errors import DefinitionError, nearest
 
 app = typer.Typer()
@@ -32,14 +33,45 @@ _PROFILES: Mapping[str, Profile] = MappingProxyType(
     }
 )
 """The scales of the shipped questions, with one seed."""
+_Env = Annotated[
+    str,
+    typer.Option(metavar="NAME", help="The environment.", autocompletion=completion.environments),
+]
+_Algorithm = Annotated[
+    str, typer.Option(metavar="NAME", help="The algorithm.", autocompletion=completion.algorithms)
+]
+_Rate = Annotated[
+    str | None, typer.Option(metavar="0.3|30%", help="Share of the messages dropped in training.")
+]
+_Steps = Annotated[
+    int | None,
+    typer.Option(
+        metavar="N",
+        help="Env steps of the training, exploring for half of them at most.",
+        parser=options.whole,
+    ),
+]
+_Profile = Annotated[
+    str,
+    typer.Option(metavar="NAME", help=options.SCALE, autocompletion=lambda: list(_PROFILES)),
+]
 
 
-@app.command()
+@app.command(
+    cls=settings.ListsSettings,
+    epilog=options.examples(
+        "train --rate 0.3 --steps 1e6 --seed 3",
+        "train --env waterworld-n8 --algorithm ddpg --set algorithm.tau=0.05",
+    ),
+)
 def train(
-    env: Annotated[str, typer.Option(metavar="NAME", help="The environment.")] = "pursuit-n6",
-    algorithm: Annotated[str, typer.Option(metavar="NAME", help="The algorithm.")] = "dcc-md",
-    profile: options.Profile = "quick",
+    env: _Env = "pursuit-n6",
+    algorithm: _Algorithm = "dcc-md",
+    rate: _Rate = None,
+    steps: _Steps = None,
+    profile: _Profile = "quick",
     overrides: options.Set = None,
+    seed: options.Seed = None,
     seeds: options.Seeds = None,
     workers: options.Workers = 2,
     device: options.Device = "cpu",
@@ -54,6 +86,7 @@ def train(
     checked = options.train_options(
         profile=profile,
         overrides=overrides,
+        seed=seed,
         seeds=seeds,
         workers=workers,
         device=device,
@@ -64,20 +97,68 @@ def train(
     if profile not in _PROFILES:
         known = nearest(profile[:64], _PROFILES)
         raise DefinitionError(f"no profile is called {profile[:64]!r}; {known}")
-    definition = ad_hoc_definition(env, [algorithm], profile, _PROFILES[profile])
-    definition = replace(definition, profiles={profile: _fitting(_PROFILES[profile], algorithm)})
+    _check_said_once(checked.overrides, {"algorithm.rate": rate, "training.train_env_steps": steps})
+    if rate is not None:
+        override = f"algorithm.rate={words.share(rate, '--rate')}"
+        checked = replace(checked, overrides=(*checked.overrides, override))
+    if steps is not None and steps < 1:
+        raise DefinitionError(f"--steps: expected at least 1, not {steps}")
+    definition = _definition(env, algorithm, profile, rate, steps)
+    if settings.HELP in checked.overrides:
+        return settings.show_settings(definition, profile, checked.overrides, as_json=json)
     from msgdrop_cli.commands.training import carry_out  # after the quick checks
 
     return carry_out(definition, checked)
 
 
-def _fitting(profile: Profile, algorithm: str) -> Profile:
-    """The profile without settings that the learner does not have: MADDPG anneals no epsilon."""
+def _check_said_once(overrides: Sequence[str], options: Mapping[str, object]) -> None:
+    """Refuse an option beside a `--set` of the same setting: one of them would not count."""
+    said = {text.partition("=")[0].strip() for text in overrides}
+    for setting, value in options.items():
+        if value is not None and setting in said:
+            raise DefinitionError(
+                f"--set {setting} has an option of its own here: give one of both"
+            )
+
+
+def _definition(
+    env: str, algorithm: str, profile: str, rate: str | None, steps: int | None
+) -> Definition:
+    """The question behind `train`: a profile without what the learner does not have.
+
+    MADDPG anneals no epsilon. Raises DefinitionError as `plan` does.
+    """
     from msgdrop_cli.engine.catalogue import catalogue
 
-    named = catalogue().algorithms.get(algorithm)
-    if named is None:
-        return profile  # `plan` says what is wrong
-    known = {field.name for field in fields(named.config_class)}
-    kept = {name: value for name, value in profile.algorithm.items() if name in known}
-    return replace(profile, algorithm=kept)
+    known = catalogue()
+    question = ad_hoc_definition(env, [algorithm], profile, _PROFILES[profile])
+    paper = replace(question, profiles={"paper": _PROFILES["paper"]})
+    config = plan(paper, "paper", known).runs[0].spec.algorithm_config
+    if rate is not None:
+        _check_takes_rate(algorithm, known)
+    scale = _PROFILES[profile] if steps is None else _of_length(_PROFILES[profile], steps, config)
+    kept = {key: value for key, value in scale.algorithm.items() if hasattr(config, key)}
+    return replace(question, profiles={profile: replace(scale, algorithm=kept)})
+
+
+def _of_length(profile: Profile, steps: int, paper: Any) -> Profile:
+    """The profile at another length: half of it explores, and never longer than the paper does."""
+    explores = min(steps // 2, getattr(paper, "epsilon_anneal_env_steps", steps))
+    return replace(
+        profile,
+        training={"train_env_steps": steps},
+        algorithm={"epsilon_anneal_env_steps": explores},
+    )
+
+
+def _check_takes_rate(algorithm: str, known: Catalogue) -> None:
+    """Refuse a rate for an algorithm whose name says which one it has, such as simple DCC."""
+    named = known.algorithm(algorithm)
+    if "rate" in named.overrides:
+        alike = [
+            name
+            for name, other in known.algorithms.items()
+            if other.learner == named.learner and "rate" not in other.overrides
+        ]
+        means = f"{algorithm} means rate {named.overrides['rate']:g}"
+        raise DefinitionError(f"--rate: {means}; these take one: {', '.join(alike)}")

@@ -16,6 +16,7 @@ from msgdrop_cli.commands.estimate import (
     survey,
 )
 from msgdrop_cli.commands.evaluating import evaluated
+from msgdrop_cli.commands.fitting import check_fits
 from msgdrop_cli.commands.options import TrainOptions, check_device
 from msgdrop_cli.commands.progress import Watch, Watched
 from msgdrop_cli.commands.reporting import report
@@ -49,6 +50,7 @@ def carry_out(definition: Definition, options: TrainOptions) -> int:
     )
     check_device(options.device)
     looked_up = survey(asked.runs, options.results)
+    check_fits(looked_up.pending)
     check_claims(asked, looked_up.pending)
     tasks = cohorts(looked_up.pending, options.device)
     cost = estimate(

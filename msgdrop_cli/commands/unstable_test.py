@@ -11,7 +11,10 @@ app = typer.Typer()
 _QUESTION = "broken-links"
 
 
-@app.command("unstable-test")
+@app.command(
+    "unstable-test",
+    epilog=options.examples("unstable-test", "unstable-test results/published --episodes 100"),
+)
 def unstable_test(
     results: options.Folder = Path("results"),
     episodes: options.Episodes = 1_000,

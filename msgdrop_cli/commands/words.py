@@ -2,7 +2,7 @@
 
 from msgdrop_cli.errors import DefinitionError
 
-_LINKS = {"none": 0.0, "half": 0.5, "all": 1.0}
+LINKS = {"none": 0.0, "half": 0.5, "all": 1.0}
 
 
 def duration(seconds: float) -> str:
@@ -41,13 +41,20 @@ def several(count: int, word: str) -> str:
 
 
 def broken_links(text: str) -> float:
-    """`none`, `half`, `all` or a fraction such as 0.3; DefinitionError for anything else."""
+    """`none`, `half`, `all`, 0.3 or 30%; DefinitionError for anything else."""
+    if text in LINKS:
+        return LINKS[text]
+    return share(text, "--broken-links", "none, half, all, or a share from 0 to 1 (0.3 or 30%)")
+
+
+def share(text: str, option: str, expected: str = "a share from 0 to 1 (0.3 or 30%)") -> float:
+    """`0.3` or `30%`; DefinitionError for anything that is no share from 0 to 1."""
+    number = text.removesuffix("%").strip()
     try:
-        fraction = _LINKS[text] if text in _LINKS else float(text)
+        # Read as 33.3e-2, since 33.3 / 100 is another number than 0.333, and another run.
+        value = float(number if text == number else f"{number}e-2")
     except ValueError:
-        fraction = -1.0
-    if not 0.0 <= fraction <= 1.0:  # also refuses nan
-        raise DefinitionError(
-            f"--broken-links: expected none, half, all or a fraction from 0 to 1, not {text[:40]!r}"
-        )
-    return fraction + 0.0  # -0.0 is 0.0
+        value = -1.0
+    if not 0.0 <= value <= 1.0:  # also refuses nan
+        raise DefinitionError(f"{option}: expected {expected}, not {text[:40]!r}")
+    return value + 0.0  # -0.0 is 0.0

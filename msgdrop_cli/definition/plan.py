@@ -130,12 +130,12 @@ def ad_hoc_definition(
     )
 
 
-def parse_seeds(text: str) -> tuple[int, ...]:
+def parse_seeds(text: str, option: str = "--seeds") -> tuple[int, ...]:
     """The seeds that `--seeds` asks for: `3` means 1, 2 and 3; `1,5,9` exactly these; `7,` just 7.
 
     Raises DefinitionError for anything but different whole numbers from 1 to 2**31 - 1.
     """
-    where = Where("--seeds")
+    where = Where(option)
     try:
         numbers = tuple(whole_number(word) for word in text.removesuffix(",").split(","))
     except ValueError:

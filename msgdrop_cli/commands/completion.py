@@ -1,0 +1,53 @@
+"""What the TAB key offers; loads nothing heavy, and says nothing where it knows nothing."""
+
+from contextlib import suppress
+
+import typer
+
+from msgdrop_cli.commands import vocabulary
+from msgdrop_cli.definition.load import list_definitions, load_definition
+from msgdrop_cli.definition.spec import Definition
+from msgdrop_cli.errors import DefinitionError
+
+
+def environments() -> list[str]:
+    """The names of `--env`."""
+    return [name for each in vocabulary.environments() for name in each.names]
+
+
+def algorithms() -> list[str]:
+    """The names of `--algorithm`."""
+    return [name for each in vocabulary.algorithms() for name in each.names]
+
+
+def profiles(context: typer.Context) -> list[str]:
+    """The profiles of the question that stands on the line, or of all questions."""
+    asked = _question(context)
+    definitions = [_definition(name) for name in ([asked] if asked else list_definitions())]
+    return list(dict.fromkeys(name for each in definitions if each for name in each.profiles))
+
+
+def settings(context: typer.Context) -> list[tuple[str, str]]:
+    """The paths of `--set`, for the algorithm and the environment that stand on the line."""
+    given = context.params
+    if definition := _definition(_question(context)):
+        variants = definition.variants.values()
+        pairs = [(definition.environments[0], str(arm.algorithm["name"])) for arm in variants]
+    else:
+        pairs = [(given.get("env", ""), given.get("algorithm", ""))]
+    sections = dict.fromkeys(each for pair in pairs for each in vocabulary.sections(*pair))
+    found = {f"{each.name}.{s.key}=": s.meaning for each in sections for s in each.settings}
+    return list(found.items())
+
+
+def _question(context: typer.Context) -> str | None:
+    """What stands as the argument; behind an option without its value it is not parsed yet."""
+    name = context.params.get("name")
+    return str(name) if name else next(iter(context.args), None)
+
+
+def _definition(name: str | None) -> Definition | None:
+    if name is not None:
+        with suppress(DefinitionError):
+            return load_definition(name)
+    return None

@@ -1,0 +1,47 @@
+"""Which algorithms can act in an environment; loads torch."""
+
+from collections.abc import Sequence
+from typing import Any
+
+from msgdrop_cli.commands.shapes import on_no_device
+from msgdrop_cli.definition.spec import PlannedRun
+from msgdrop_cli.errors import DefinitionError
+
+
+def check_fits(runs: Sequence[PlannedRun]) -> None:
+    """Refuse (DefinitionError) a learner that cannot act in its environment, naming who can."""
+    checked = set[tuple[str, str]]()
+    for run in runs:
+        environment, learner = run.spec.environment, run.spec.algorithm
+        if (environment, learner) in checked:
+            continue
+        checked.add((environment, learner))
+        place = f"{environment}, {run.variant}"
+        with on_no_device(place):
+            why = _why_not(run.spec.environment_config, learner, run.spec.algorithm_config)
+        if why:
+            fitting = ", ".join(_fitting(run.spec.environment_config))
+            raise DefinitionError(f"{place}: {why}; what fits: {fitting}")
+
+
+def _why_not(environment: Any, learner: str, config: Any) -> str | None:
+    """What a learner says against an environment, None if nothing."""
+    from msgdrop_cli.algorithms.registry import learner_class
+    from msgdrop_envs import registry
+
+    try:
+        learner_class(learner)([config], registry.make(environment, "meta"), "meta")
+    except DefinitionError as error:
+        return str(error)
+    return None
+
+
+def _fitting(environment: Any) -> list[str]:
+    """The names of all algorithms whose learner has nothing against an environment."""
+    from msgdrop_cli.engine.catalogue import catalogue
+
+    algorithms = catalogue().algorithms.items()
+    classes = {named.learner: named.config_class for _, named in algorithms}
+    with on_no_device("the list of algorithms"):
+        fit = {name for name, cls in classes.items() if _why_not(environment, name, cls()) is None}
+    return [name for name, named in algorithms if named.learner in fit]

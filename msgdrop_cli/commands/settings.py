@@ -1,0 +1,57 @@
+"""What `--set` takes: in the help of a command, and in full with `--set help`."""
+
+from collections.abc import Sequence
+from typing import Any
+
+from typer.core import TyperCommand
+
+from msgdrop_cli.commands import console, vocabulary
+from msgdrop_cli.definition.plan import plan
+from msgdrop_cli.definition.spec import Definition
+
+HELP = "help"
+"""As in `--set help`."""
+
+
+class ListsSettings(TyperCommand):
+    """A command whose help ends with the settings that `--set` takes."""
+
+    def format_epilog(self, ctx: Any, formatter: Any) -> None:
+        """Write the examples, then every setting with its default, learner by learner."""
+        super().format_epilog(ctx, formatter)
+        rows = []
+        for each in vocabulary.sections():
+            whose = f"{', '.join(each.names)}: " if each.names else ""
+            pairs = ", ".join(f"{s.key}={s.default.replace(' ', '')}" for s in each.settings)
+            rows.append((f"{each.name}.", f"{whose}{pairs}"))
+        with formatter.section("What --set takes (what it means, and its value here: --set help)"):
+            formatter.write_dl(rows)
+
+
+def show_settings(
+    definition: Definition, profile: str, overrides: Sequence[str], *, as_json: bool
+) -> int:
+    """Show every setting with its meaning and its value in the first run; loads torch.
+
+    Returns the exit code, 0.
+    """
+    from msgdrop_cli.engine.catalogue import catalogue
+
+    others = [each for each in overrides if each != HELP]
+    run = plan(definition, profile, catalogue(), overrides=others).runs[0]
+    configs = (run.spec.training, run.spec.algorithm_config, run.spec.environment_config)
+    algorithm = str(definition.variants[run.variant].algorithm["name"])
+    rows = [
+        (f"{section.name}.{s.key}", vocabulary.notation(getattr(config, s.key)), s.meaning)
+        for section, config in zip(
+            vocabulary.sections(run.spec.environment, algorithm), configs, strict=True
+        )
+        for s in section.settings
+    ]
+    if as_json:
+        names = ("setting", "value", "meaning")
+        console.result_json([dict(zip(names, row, strict=True)) for row in rows])
+        return 0
+    console.note(f"as {run.label} on {run.spec.environment} has them, profile {profile}\n")
+    console.facts({f"{path}={value}": meaning for path, value, meaning in rows}, is_result=True)
+    return 0
