@@ -90,7 +90,7 @@ def test_a_signal_stops_with_checkpoints(
     assert process.returncode == code, err
     assert "stopping: writing checkpoints" in err
     assert "the same command goes on:\n  msgdrop train" in err
-    assert words_of(tmp_path) == ["interrupted"] * workers
+    assert words_of(tmp_path) == ["interrupted"] * workers + ["planned"] * (2 - workers)
     assert len(list(tmp_path.rglob("MANIFEST.json"))) >= workers
 
 
