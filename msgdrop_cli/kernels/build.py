@@ -7,6 +7,7 @@ of this process alone is used instead.
 `MSGDROP_KERNEL=torch` chooses the plain torch path, which gives the same numbers up to rounding.
 """
 
+import atexit
 import ctypes
 import hashlib
 import os
@@ -16,13 +17,14 @@ import stat
 import subprocess
 import tempfile
 from collections.abc import Callable
-from contextlib import suppress
+from contextlib import ExitStack, suppress
 from functools import cache
 from pathlib import Path
 
 from msgdrop_cli.definition.strict import one_line
 from msgdrop_cli.errors import DefinitionError
 from msgdrop_cli.kernels.structs import check_structs
+from msgdrop_cli.signals import scratch_folder
 
 _ROOM = Path(__file__).parent
 _FLAGS = ("-O3", "-march=native", "-std=c11", "-fno-math-errno", "-fPIC", "-shared")
@@ -83,8 +85,8 @@ def built(compiler: str, folder: Path) -> Path:
     library = kept / f"kernels-{hashlib.sha256(recipe).hexdigest()[:16]}.so"
     if _is_whole(library):
         return library
-    with tempfile.TemporaryDirectory(dir=kept) as scratch:
-        output, seal = Path(scratch) / library.name, Path(scratch) / "seal"
+    with scratch_folder(kept) as scratch:
+        output, seal = scratch / library.name, scratch / "seal"
         command = [compiler, *flags, *map(str, sources), "-o", str(output), "-lm"]
         nothing = subprocess.DEVNULL
         subprocess.run(
@@ -117,13 +119,15 @@ def _kept_folder() -> Path:
         folder.mkdir(mode=0o700, parents=True, exist_ok=True)
         if _is_ours(folder, stat.S_ISDIR) and os.access(folder, os.W_OK):
             return folder
-    return Path(_private_folder().name)
+    return _private_folder()
 
 
 @cache
-def _private_folder() -> tempfile.TemporaryDirectory[str]:
-    """Gone when the process ends, in which this cache holds it."""
-    return tempfile.TemporaryDirectory(prefix="msgdrop-kernel-")
+def _private_folder() -> Path:
+    """Gone when the process ends, however it does."""
+    stack = ExitStack()
+    atexit.register(stack.close)
+    return stack.enter_context(scratch_folder())
 
 
 def _is_ours(path: Path, kind: Callable[[int], bool]) -> bool:
