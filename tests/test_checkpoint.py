@@ -11,14 +11,13 @@ from typing import Any
 import pytest
 
 from msgdrop_cli.engine.checkpoint import Checkpoints
-from msgdrop_cli.engine.run import RunOutcome, train_cohort
+from msgdrop_cli.engine.run import train_cohort
 from msgdrop_cli.engine.training import Training
 from msgdrop_cli.errors import RunError
+from msgdrop_cli.records.files import count_jsonl
 from msgdrop_cli.records.store import METRICS
 from tests.runs import StopAt, digest, planned
-
-STOPPED = 45
-"""Steps of 8 games: 360 env steps, with checkpoints at 320 and 360."""
+from tests.stopped_runs import STOPPED, flip, newest, resume, segments, stop
 
 
 @pytest.fixture(autouse=True)
@@ -37,26 +36,7 @@ def expected(tmp_path_factory: pytest.TempPathFactory) -> str:
 @pytest.fixture
 def stopped(tmp_path: Path) -> Path:
     """The folder of a run that was stopped after two checkpoints."""
-    [outcome] = train_cohort([planned()], tmp_path, stop=StopAt(STOPPED))
-    assert len(list((outcome.path / "checkpoints").glob("0*"))) == 2
-    return outcome.path
-
-
-def flip(file: Path) -> None:
-    """Change one bit in the middle of a file."""
-    content = bytearray(file.read_bytes())
-    content[len(content) // 2] ^= 1
-    file.write_bytes(content)
-
-
-def newest(folder: Path) -> Path:
-    """The newest checkpoint."""
-    return max((folder / "checkpoints").glob("0*"))
-
-
-def segments(folder: Path) -> list[Path]:
-    """The stretches of the replay memory, in order."""
-    return sorted((folder / "checkpoints" / "replay").glob("*"))
+    return stop(tmp_path)
 
 
 def change_counter(folder: Path) -> None:
@@ -78,6 +58,13 @@ def blank_all(folder: Path) -> None:
         (path / "MANIFEST.json").write_text("")
 
 
+def put_a_folder(folder: Path) -> None:
+    """A folder stands where a file of the newest checkpoint should."""
+    [segment] = segments(newest(folder))
+    segment.unlink()
+    (segment / "deep").mkdir(parents=True)
+
+
 def cut_log(folder: Path) -> None:
     """The log has lost a row that both checkpoints rely on."""
     log = folder / "metrics.jsonl"
@@ -86,9 +73,9 @@ def cut_log(folder: Path) -> None:
 
 DAMAGE: dict[str, tuple[Callable[[Path], object], int]] = {
     "bit of the state": (lambda folder: flip(newest(folder) / "state.safetensors"), 320),
-    "bit of the last segment": (lambda folder: flip(segments(folder)[-1]), 320),
-    "bit of a shared segment": (lambda folder: flip(segments(folder)[-2]), 0),
-    "segment gone": (lambda folder: segments(folder)[-1].unlink(), 320),
+    "bit of a segment": (lambda folder: flip(segments(newest(folder))[0]), 320),
+    "segment gone": (lambda folder: segments(newest(folder))[0].unlink(), 320),
+    "folder instead of a segment": (put_a_folder, 320),
     "counter changed": (change_counter, 320),
     "manifest nested": (nest, 320),
     "manifests blank": (blank_all, 0),
@@ -97,12 +84,6 @@ DAMAGE: dict[str, tuple[Callable[[Path], object], int]] = {
     "all gone": (lambda folder: shutil.rmtree(folder / "checkpoints"), 0),
 }
 """What is done to the folder, and the env steps that the run can still go on from."""
-
-
-def resume(folder: Path, stop: Callable[[], bool] = lambda: False) -> RunOutcome:
-    """Go on with the run in `folder`."""
-    [outcome] = train_cohort([planned()], folder.parents[2], stop=stop)
-    return outcome
 
 
 @pytest.mark.parametrize(("damage", "goes_on_from"), DAMAGE.values(), ids=DAMAGE)
@@ -139,6 +120,34 @@ def test_an_undisturbed_resume_says_nothing(stopped: Path, expected: str) -> Non
     assert digest(stopped) == expected
 
 
+def test_whatever_one_file_suffers_a_checkpoint_is_whole(tmp_path: Path) -> None:
+    """No file serves both, also when segments have been taken over from checkpoints before."""
+    run = planned(checkpoint_every_env_steps=80)
+    [outcome] = train_cohort([run], tmp_path, stop=StopAt(STOPPED))
+    files = [path for path in (outcome.path / "checkpoints").rglob("*") if path.is_file()]
+    assert len(files) == 8  # of each: manifest, state and two segments
+    for number, file in enumerate(files):
+        copy = tmp_path / str(number)
+        shutil.copytree(outcome.path, copy)
+        flip(copy / file.relative_to(outcome.path))
+        found = Checkpoints(copy, run.run_id).latest(count_jsonl(copy / METRICS))
+        assert found is not None, file
+        assert found.counters.env_steps in (320, 360)
+
+
+def test_a_long_stretch_is_written_in_pieces(
+    tmp_path: Path, expected: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A file of more than two gigabytes would not be read again."""
+    monkeypatch.setattr("msgdrop_cli.engine.checkpoint.SEGMENT_BYTES", 70_000)
+    [outcome] = train_cohort([planned()], tmp_path, stop=StopAt(STOPPED))
+    files = segments(newest(outcome.path))
+    assert len(files) > 2
+    assert max(file.stat().st_size for file in files) < 71_000
+    assert resume(outcome.path).reason is None
+    assert digest(outcome.path) == expected
+
+
 def test_another_runs_checkpoints_are_refused(tmp_path: Path, stopped: Path, expected: str) -> None:
     """Whole and sound, but of another seed: the run starts over."""
     [other] = train_cohort([planned(seed=2)], tmp_path / "other", stop=StopAt(STOPPED))
@@ -153,7 +162,7 @@ def test_another_kernel_is_refused_before_training(
 ) -> None:
     """The run stays `interrupted`, and goes on with the kernel that it began with."""
     with monkeypatch.context() as patch:
-        patch.setattr("msgdrop_cli.engine.run.kernel_name", lambda *_: "another")
+        patch.setattr("msgdrop_cli.engine.opening.kernel_name", lambda *_: "another")
         with pytest.raises(RunError, match="this process has 'another'"):
             resume(stopped)
     assert json.loads((stopped / "run.json").read_text())["status"] == "interrupted"
@@ -172,9 +181,9 @@ def test_the_log_is_on_disk_before_a_checkpoint_counts_on_it(
         tape.append(Path(f"/proc/self/fd/{handle}").readlink().name)
         fsync(handle)
 
-    def note_save(*arguments: Any) -> None:
+    def note_save(*arguments: Any, **counters: Any) -> None:
         tape.append("checkpoint")
-        save(*arguments)
+        save(*arguments, **counters)
 
     monkeypatch.setattr(os, "fsync", note_sync)
     monkeypatch.setattr(Checkpoints, "save", note_save)
@@ -190,8 +199,8 @@ def test_a_slow_checkpoint_puts_the_next_one_off(
     saved = []
     save, now = Checkpoints.save, [0.0]
 
-    def slow(checkpoints: Checkpoints, training: Training, *rest: Any) -> None:
-        save(checkpoints, training, *rest)
+    def slow(checkpoints: Checkpoints, training: Training, run: int, **counters: Any) -> None:
+        save(checkpoints, training, run, **counters)
         saved.append(training.env_steps)
         now[0] += 1.0
 

@@ -6,6 +6,8 @@ from pathlib import Path
 
 import pytest
 
+from msgdrop_cli.records.archive import write_archive
+from msgdrop_cli.records.store import list_runs
 from tests.cli_runs import Store, copied_store, filled_store, msgdrop
 
 PLAY = ("--episodes", "8", "--workers", "1")
@@ -82,3 +84,16 @@ def test_who_hears_nobody_has_no_links_to_break(copy: Store) -> None:
     note = "2 finished runs left out: they hear nobody, so no link can break"
     assert note in said.err.splitlines()
     assert "2 trained runs" in said.err
+
+
+def test_nothing_is_imported_through_a_link(store: Store, tmp_path: Path) -> None:
+    """In a results folder from somebody else the folder of the runs may lead anywhere."""
+    write_archive(tmp_path / "a.zip", list_runs(store.results / "runs"))
+    (tmp_path / "outside").mkdir()
+    (tmp_path / "new").mkdir()
+    link = tmp_path / "new" / "runs"
+    link.symlink_to(tmp_path / "outside")
+    said = msgdrop("import", tmp_path / "a.zip", "--results", tmp_path / "new")
+    assert f"{link}: is a symbolic link" in said.err
+    assert said.code == 73
+    assert not any((tmp_path / "outside").iterdir())

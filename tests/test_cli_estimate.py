@@ -70,13 +70,13 @@ def test_sizes_are_known_without_memory(environment: str, algorithm: str) -> Non
     [
         # Networks are most of it: two checkpoints are kept while the third one is written.
         (["algorithm.replay_capacity=50"], range(20, 201, 20)),
-        # Replay is most of it: the one of 1,000 still holds a step that the one of 1,996 needs.
+        # Replay is most of it: two files of 1,000 steps still hold one each that is needed.
         (
             [
                 *("algorithm.f_units=[4, 4]", "algorithm.g_units=4", "algorithm.h_units=4"),
                 *("algorithm.replay_capacity=1000", "training.train_env_steps=4200"),
             ],
-            (1_000, 1_996, 3_000, 4_000),
+            (1_000, 1_500, 1_996, 2_496, 3_000, 4_000),
         ),
     ],
     ids=["networks", "replay"],

@@ -17,6 +17,7 @@ from msgdrop_cli.definition.spec import RunSpec
 from msgdrop_cli.errors import DefinitionError, RecordError
 from msgdrop_cli.records.archive import install, unpack
 from msgdrop_cli.records.files import CANNOT_CREATE, read_bytes
+from msgdrop_cli.records.ours import refuse_links
 from msgdrop_cli.records.packed import log_bytes
 from msgdrop_cli.records.planned import remove_planned
 from msgdrop_cli.records.store import EPISODES, METRICS, POLICY, RUN, RUNS, RunRecord, find_run
@@ -147,6 +148,7 @@ def _places(records: Sequence[RunRecord], results: Path) -> list[_Found]:
             if other is not None:
                 path = other.path
                 other = None if other.status == "planned" else other
+            refuse_links(results, path)
             found[record.run_id] = _Found(record, path, other is not None)
         if other is not None and not _is_same(record, other):
             raise RecordError(

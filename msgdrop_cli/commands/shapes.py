@@ -16,9 +16,9 @@ from msgdrop_cli.errors import DefinitionError, nearest
 
 _CHECKPOINTS = 3
 """Two are kept while the next one is written."""
-_REPLAYS = 4
-"""Where checkpoints are put off, each one may write its whole replay memory; the oldest kept may
-need a last step of a fourth one's, whose file goes only as a whole."""
+_REPLAYS = 3
+"""Where checkpoints are put off, each one may write its whole replay memory. Both that are kept
+may need a last step of a file from before, which goes only as a whole."""
 _SAVED_COPIES, _HELD_COPIES = 4, 5
 """Of the parameters: online, target, and Adam's two moments; in memory the gradient, too."""
 _BYTES_A_LOG_ROW = 350
@@ -52,6 +52,7 @@ def run_sizes(run: PlannedRun, episodes: int) -> Sizes:
     from torch import Tensor
 
     from msgdrop_cli.algorithms.registry import learner_class
+    from msgdrop_cli.engine.checkpoint import KEPT, SEGMENT_BYTES
     from msgdrop_cli.engine.training import Training
 
     def held(*owners: object) -> int:
@@ -69,9 +70,11 @@ def run_sizes(run: PlannedRun, episodes: int) -> Sizes:
         parameters = learnt // _SAVED_COPIES
         cut_episodes = replay.cut_episodes(0).nbytes
         memory = held(env, learner, replay) + 4 * _HELD_COPIES * parameters
-    stored = min(_REPLAYS * config.replay_capacity, training.train_env_steps)
     seen = env.observation_size * env.observation_dtype.itemsize
     a_step = env.agents * (seen + 8 + 4 * env.action_size) + 8
+    whole = a_step * config.replay_capacity
+    stored = _REPLAYS * whole + KEPT * min(whole, SEGMENT_BYTES)
+    stored = min(stored, KEPT * a_step * training.train_env_steps)  # each step for each of the two
     state = 4 * _SAVED_COPIES * parameters + cut_episodes
     rows = training.train_env_steps // training.log_every_env_steps + 1
     at_once = max(training.games, episodes, 2 * config.batch_size)
@@ -80,7 +83,7 @@ def run_sizes(run: PlannedRun, episodes: int) -> Sizes:
         work=parameters * config.batch_size * env.agents / networks / config.update_every_env_steps,
         kernel=learner_class(run.spec.algorithm).kernel(config, env, "cpu"),
         kept=4 * kept + rows * _BYTES_A_LOG_ROW,
-        working=int(_HEADROOM * (_CHECKPOINTS * state + a_step * stored)),
+        working=int(_HEADROOM * (_CHECKPOINTS * state + stored)),
         memory=memory + 4 * at_once * learner.shown_agents.numel() * env.observation_size,
     )
 

@@ -15,17 +15,16 @@ from typing import Any
 
 from msgdrop_cli.definition.spec import PlannedRun
 from msgdrop_cli.engine import arithmetic
-from msgdrop_cli.engine.checkpoint import Checkpoint, Checkpoints, restore
+from msgdrop_cli.engine.checkpoint import restore
 from msgdrop_cli.engine.facts import facts, kernel_name
 from msgdrop_cli.engine.graphs import Chunks, recorder
+from msgdrop_cli.engine.opening import Run, lock, open_run
 from msgdrop_cli.engine.tensors import write_tensors
 from msgdrop_cli.engine.training import Training
-from msgdrop_cli.errors import RecordError, RunError
+from msgdrop_cli.errors import RecordError
 from msgdrop_cli.records.files import (
     append_jsonl,
-    count_jsonl,
     cut_jsonl,
-    run_lock,
     sync_file,
     write_json_atomic,
 )
@@ -33,11 +32,8 @@ from msgdrop_cli.records.store import (
     METRICS,
     POLICY,
     PROGRESS,
-    RUNS,
     Status,
-    create_run,
     find_run,
-    run_path,
     set_status,
 )
 
@@ -60,26 +56,6 @@ class RunOutcome:
     """0, 3 for a run that failed or diverged, or what a fault of the disk asks for."""
 
 
-@dataclass(slots=True)
-class _Run:
-    """One run in training."""
-
-    planned: PlannedRun
-    path: Path
-    checkpoints: Checkpoints
-    checkpoint: Checkpoint | None
-    wall_time_s: float
-    note: str | None
-    """What the user should know about how it went on."""
-    rows: int = 0
-    """Rows in metrics.jsonl."""
-    diverged: str | None = None
-
-    @property
-    def env_steps(self) -> int:
-        return self.checkpoint.env_steps if self.checkpoint else 0
-
-
 @arithmetic.settled()
 def train_cohort(
     runs: Sequence[PlannedRun],
@@ -93,41 +69,24 @@ def train_cohort(
     `stop` is asked about twice a second; if it says so, checkpoints are written and the outcomes
     are `interrupted`. Any other fault makes the runs `failed`, with the reason.
     Raises RecordError if another process trains one of them (75), RunError if one was begun with
-    another kernel.
+    another kernel or another version.
     """
     outcomes = []
     with ExitStack() as locks:
         pending = []
         for planned in runs:
-            found = find_run(root / RUNS, planned.run_id)
-            if found is not None and found.status == "done":
+            found = lock(planned, root, locks)
+            if isinstance(found, Path):
+                pending.append(open_run(planned, found, device))
+            else:
                 outcomes.append(_outcome(planned, found.path, "done", None))
-                continue
-            path = found.path if found is not None else run_path(root, planned)
-            locks.enter_context(run_lock(path))
-            pending.append(_open(planned, path, device))
         pending.sort(key=lambda run: run.env_steps)
         for _, group in groupby(pending, key=lambda run: run.env_steps):
             outcomes += _train_group(list(group), device, stop)
     return outcomes
 
 
-def _open(planned: PlannedRun, path: Path, device: str) -> _Run:
-    record = find_run(path, planned.run_id)
-    if record is None:
-        record = create_run(path, planned, {})
-    checkpoints = Checkpoints(path, planned.run_id)
-    checkpoint = checkpoints.latest(count_jsonl(path / METRICS))
-    if checkpoint is not None:
-        _check_kernel(checkpoint, kernel_name(planned.spec, device))
-    note = None
-    if record.env_steps > (checkpoint.env_steps if checkpoint else 0):
-        start = f"{checkpoint.env_steps} env steps" if checkpoint else "the beginning"
-        note = f"went on from {start}: what was newer is damaged or gone"
-    return _Run(planned, path, checkpoints, checkpoint, float(record.run["wall_time_s"]), note)
-
-
-def _train_group(runs: list[_Run], device: str, stop: Callable[[], bool]) -> list[RunOutcome]:
+def _train_group(runs: list[Run], device: str, stop: Callable[[], bool]) -> list[RunOutcome]:
     try:
         return _Session(runs, device).train(stop)
     except Exception as error:  # whatever it was, it is written down, and the other cohorts go on
@@ -143,7 +102,7 @@ def _train_group(runs: list[_Run], device: str, stop: Callable[[], bool]) -> lis
 class _Session:
     """A cohort between its start (or resume) and its end (or stop)."""
 
-    def __init__(self, runs: list[_Run], device: str) -> None:
+    def __init__(self, runs: list[Run], device: str) -> None:
         self.runs = runs
         self.plan = runs[0].planned.spec.training
         self.training = Training([run.planned.spec for run in runs], device)
@@ -155,8 +114,8 @@ class _Session:
         for number, run in enumerate(runs):
             if run.checkpoint is not None:
                 restore(self.training, number, run.checkpoint)
-                run.rows = int(run.checkpoint.counters["rows"])
-                self.logged_at = int(run.checkpoint.counters["logged_at"])
+                run.rows = run.checkpoint.counters.rows
+                self.logged_at = run.checkpoint.counters.logged_at
             cut_jsonl(run.path / METRICS, run.rows)
             run.checkpoint = None  # its replay memory has been copied
             set_status(run.path, "running", **known)
@@ -219,8 +178,13 @@ class _Session:
         began = time.monotonic()
         for number, run in self._sound():
             sync_file(run.path / METRICS)  # a checkpoint counts on its rows
-            counters = {"rows": run.rows, "logged_at": self.logged_at, "kernel": self.kernel}
-            run.checkpoints.save(self.training, number, counters)
+            run.checkpoints.save(
+                self.training,
+                number,
+                rows=run.rows,
+                logged_at=self.logged_at,
+                kernel=self.kernel,
+            )
             set_status(run.path, "running", **self._progress_facts(run))
         now = time.monotonic()
         self.put_off_until = now + _PUT_OFF * max(now - began - _QUICK_S, 0.0)
@@ -246,13 +210,13 @@ class _Session:
             (run.path / PROGRESS).unlink(missing_ok=True)
         return outcomes
 
-    def _sound(self) -> Iterable[tuple[int, _Run]]:
+    def _sound(self) -> Iterable[tuple[int, Run]]:
         return ((number, run) for number, run in enumerate(self.runs) if not run.diverged)
 
-    def _wall_time(self, run: _Run) -> float:
+    def _wall_time(self, run: Run) -> float:
         return run.wall_time_s + time.monotonic() - self.clock
 
-    def _progress_facts(self, run: _Run) -> dict[str, Any]:
+    def _progress_facts(self, run: Run) -> dict[str, Any]:
         wall_time_s = round(self._wall_time(run), 3)
         return {"env_steps": self.training.env_steps, "wall_time_s": wall_time_s}
 
@@ -272,16 +236,6 @@ class _Session:
                 "headline_value": self.headline[number],
             }
             write_json_atomic(run.path / PROGRESS, progress, durable=False)
-
-
-def _check_kernel(checkpoint: Checkpoint, kernel: str) -> None:
-    """A run goes on with the arithmetic that it began with, or its result would be another."""
-    began_with = checkpoint.counters["kernel"]
-    if began_with != kernel:
-        raise RunError(
-            f"{checkpoint.path}: was trained with the {began_with!r} kernel, this process has"
-            f" {kernel!r}; take the same --device, compiler and MSGDROP_KERNEL as before"
-        )
 
 
 def _outcome(planned: PlannedRun, path: Path, status: Status, reason: str | None) -> RunOutcome:

@@ -46,15 +46,29 @@ def read_tensors(path: Path) -> dict[str, Tensor]:
 
 def copy_into(views: Mapping[str, Tensor], tensors: Mapping[str, Tensor], path: Path) -> None:
     """Copy each tensor into the view of its name; RecordError (2) unless all fit exactly."""
-    if set(views) != set(tensors):
-        odd = min(set(views) ^ set(tensors))
-        raise RecordError(f"{path}: does not fit this run: tensor {odd[:64]!r} is on one side only")
-    for name, view in views.items():
-        found = tensors[name]
-        if found.shape != view.shape or found.dtype != view.dtype:
-            raise RecordError(
-                f"{path}: does not fit this run: {name!r} is {tuple(found.shape)} {found.dtype},"
-                f" expected {tuple(view.shape)} {view.dtype}"
-            )
+    check_fit(views, tensors, path)
     for name, view in views.items():
         view.copy_(tensors[name])
+
+
+def check_fit(
+    expected: Mapping[str, Tensor],
+    tensors: Mapping[str, Tensor],
+    path: Path,
+    rows: int | None = None,
+) -> None:
+    """RecordError (2) unless the names, shapes and types of `tensors` are those of `expected`.
+
+    rows: the first number of each shape, where `expected` has another one.
+    """
+    if set(expected) != set(tensors):
+        odd = min(set(expected) ^ set(tensors))
+        raise RecordError(f"{path}: does not fit this run: tensor {odd[:64]!r} is on one side only")
+    for name, tensor in expected.items():
+        found = tensors[name]
+        shape = tuple(tensor.shape) if rows is None else (rows, *tensor.shape[1:])
+        if tuple(found.shape) != shape or found.dtype != tensor.dtype:
+            raise RecordError(
+                f"{path}: does not fit this run: {name!r} is {tuple(found.shape)} {found.dtype},"
+                f" expected {shape} {tensor.dtype}"
+            )

@@ -1,0 +1,77 @@
+"""Runs before they train: each one locked, and read for what it goes on from."""
+
+from contextlib import ExitStack
+from dataclasses import dataclass
+from pathlib import Path
+
+from msgdrop_cli.definition.spec import PlannedRun
+from msgdrop_cli.engine.checkpoint import Checkpoint, Checkpoints
+from msgdrop_cli.engine.facts import kernel_name
+from msgdrop_cli.errors import RunError
+from msgdrop_cli.records.files import count_jsonl, run_lock
+from msgdrop_cli.records.ours import refuse_links
+from msgdrop_cli.records.store import METRICS, RUNS, RunRecord, create_run, find_run, run_path
+
+
+@dataclass(slots=True)
+class Run:
+    """One run in training."""
+
+    planned: PlannedRun
+    path: Path
+    checkpoints: Checkpoints
+    checkpoint: Checkpoint | None
+    wall_time_s: float
+    note: str | None
+    """What the user should know about how it went on."""
+    rows: int = 0
+    """Rows in metrics.jsonl."""
+    diverged: str | None = None
+
+    @property
+    def env_steps(self) -> int:
+        """Environment steps that it goes on from."""
+        return self.checkpoint.counters.env_steps if self.checkpoint else 0
+
+
+def lock(planned: PlannedRun, root: Path, locks: ExitStack) -> RunRecord | Path:
+    """The run's record if it is done, or else its folder, locked.
+
+    Raises RecordError: another process trains it (75), or a link is in the way (73).
+    """
+    record = find_run(root / RUNS, planned.run_id)
+    if record is not None and record.status == "done":
+        return record
+    path = record.path if record is not None else run_path(root, planned)
+    refuse_links(root, path)
+    locks.enter_context(run_lock(path))
+    return path
+
+
+def open_run(planned: PlannedRun, path: Path, device: str) -> Run:
+    """A run that is locked, and its newest checkpoint.
+
+    Raises RunError if that is of another kernel or version, RecordError for damage.
+    """
+    record = find_run(path, planned.run_id)
+    if record is None:
+        record = create_run(path, planned, {})
+    checkpoints = Checkpoints(path, planned.run_id)
+    checkpoint = checkpoints.latest(count_jsonl(path / METRICS))
+    if checkpoint is not None:
+        _check_kernel(checkpoint, kernel_name(planned.spec, device))
+    run = Run(planned, path, checkpoints, checkpoint, float(record.run["wall_time_s"]), None)
+    if record.env_steps > run.env_steps:
+        start = f"{run.env_steps} env steps" if checkpoint else "the beginning"
+        run.note = f"went on from {start}: what was newer is damaged or gone"
+    return run
+
+
+def _check_kernel(checkpoint: Checkpoint, kernel: str) -> None:
+    """A run goes on with the arithmetic that it began with, or its result would be another."""
+    began_with = checkpoint.counters.kernel
+    if began_with != kernel:
+        raise RunError(
+            f"{checkpoint.path}: was trained with the {began_with!r} kernel, this process has"
+            f" {kernel!r}; take the same --device, compiler and MSGDROP_KERNEL as before"
+        )
