@@ -39,13 +39,17 @@ def lock(planned: PlannedRun, root: Path, locks: ExitStack) -> RunRecord | Path:
 
     Raises RecordError: another process trains it (75), or a link is in the way (73).
     """
-    record = find_run(root / RUNS, planned.run_id)
-    if record is not None and record.status == "done":
-        return record
-    path = record.path if record is not None else run_path(root, planned)
-    refuse_links(root, path)
-    locks.enter_context(run_lock(path))
-    return path
+    path: Path | None = None
+    while True:  # look again under the lock: another process may have ended or begun it meanwhile
+        record = find_run(root / RUNS, planned.run_id)
+        if record is not None and record.status == "done":
+            return record
+        found = record.path if record is not None else run_path(root, planned)
+        if found == path:
+            return path
+        refuse_links(root, found)
+        locks.enter_context(run_lock(found))
+        path = found
 
 
 def open_run(planned: PlannedRun, path: Path, device: str) -> Run:
