@@ -16,6 +16,7 @@ from typing import Any
 from msgdrop_cli.definition.spec import PlannedRun
 from msgdrop_cli.engine import arithmetic
 from msgdrop_cli.engine.checkpoint import restore
+from msgdrop_cli.engine.divergence import not_finite
 from msgdrop_cli.engine.facts import facts, kernel_name
 from msgdrop_cli.engine.graphs import Chunks, recorder
 from msgdrop_cli.engine.opening import Run, lock, open_run
@@ -165,8 +166,9 @@ class _Session:
             if run.diverged:
                 continue
             row = {**learned[number], **metrics[number]}
-            if odd := [k for k, v in row.items() if v is not None and not math.isfinite(v)]:
-                run.diverged = f"{odd[0]} is not finite at {training.env_steps} env steps"
+            odd = [name for name, value in row.items() if not math.isfinite(value or 0.0)]
+            if where := not_finite(training, number) or (odd and odd[0]):
+                run.diverged = f"{where} is not finite at {training.env_steps} env steps"
                 continue
             head = {"env_steps": training.env_steps}
             tail = {"wall_time_s": round(self._wall_time(run), 3)}
@@ -177,6 +179,8 @@ class _Session:
     def _checkpoint(self) -> None:
         began = time.monotonic()
         for number, run in self._sound():
+            if not_finite(self.training, number):
+                continue  # the last good one stays; the next row of the log ends this run
             sync_file(run.path / METRICS)  # a checkpoint counts on its rows
             run.checkpoints.save(
                 self.training,

@@ -1,0 +1,24 @@
+"""Numbers that are not finite: in which agent's network, and in which layer of it."""
+
+import torch
+
+from msgdrop_cli.engine.checkpoint import state_of
+from msgdrop_cli.engine.training import Training
+
+
+def not_finite(training: Training, run: int) -> str | None:
+    """What of a run's state is not finite, `agent 2, layer h1: online weight`; None if all is.
+
+    Agents count from 0. Of several places the first in the order of `Learner.tensors`.
+    """
+    state = {name: t for name, t in state_of(training, run).items() if t.is_floating_point()}
+    if bool(torch.cat([tensor.flatten() for tensor in state.values()]).isfinite().all()):
+        return None
+    name, tensor = next((n, t) for n, t in state.items() if not bool(t.isfinite().all()))
+    owner, *words = name.split(".")
+    if owner != "learner" or len(words) < 3:
+        return name
+    *part, layer, kind = words
+    networks = tensor.isfinite().flatten(1).all(1)  # one for all agents, or one each
+    who = f"agent {int(networks.int().argmin())}" if len(networks) > 1 else "all agents"
+    return f"{who}, layer {layer}: {' '.join((*part, kind))}"

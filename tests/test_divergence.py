@@ -1,0 +1,116 @@
+"""Numbers that are not finite: noticed where they count, named, and never a checkpoint."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from msgdrop_cli.definition.spec import PlannedRun
+from msgdrop_cli.engine import run as engine
+from msgdrop_cli.engine.checkpoint import Checkpoints
+from msgdrop_cli.engine.divergence import not_finite
+from msgdrop_cli.engine.run import RunOutcome, train_cohort
+from msgdrop_cli.engine.training import Training
+from msgdrop_cli.records.files import count_jsonl
+from msgdrop_cli.records.store import METRICS
+from tests.runs import planned
+
+NAN = float("nan")
+Spoil = Callable[[Training], object]
+
+
+def spoilt_at(env_steps: int, spoil: Spoil) -> type[Training]:
+    """A training in which something happens to the numbers after so many env steps."""
+
+    class Spoilt(Training):
+        def advance(self) -> None:
+            super().advance()
+            if self.env_steps == env_steps:
+                spoil(self)
+
+    return Spoilt
+
+
+def bias_of_agent_2(training: Training) -> None:
+    """One number of one network of the first run."""
+    training.learner.tensors(0)["online.h2.bias"][2, 0, 1] = NAN
+
+
+def ends(
+    run: PlannedRun, root: Path, monkeypatch: pytest.MonkeyPatch, at: int, spoil: Spoil
+) -> RunOutcome:
+    """The outcome of a run whose numbers are spoilt."""
+    monkeypatch.setattr(engine, "Training", spoilt_at(at, spoil))
+    [outcome] = train_cohort([run], root)
+    return outcome
+
+
+@pytest.mark.parametrize(
+    ("algorithm", "environment"),
+    [
+        ("dcc-md", "pursuit-n6"),
+        ("concat-md", "navigation-n8"),
+        ("maddpg-md", "waterworld-n8"),
+    ],
+)
+def test_sound_training_is_finite(algorithm: str, environment: str) -> None:
+    """No false alarm: nothing in any game's or learner's state is infinite for a purpose."""
+    training = Training([planned(algorithm, environment=environment).spec])
+    training.begin()
+    assert not_finite(training, 0) is None
+    while training.learner.progress[0] < 4:
+        training.advance()
+    assert not_finite(training, 0) is None
+
+
+def test_agent_and_layer_are_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The first place in the learner's order, seen before it has spread to the other layers."""
+    outcome = ends(planned(), tmp_path, monkeypatch, 240, bias_of_agent_2)
+    assert outcome.status == "diverged"
+    assert outcome.reason == "agent 2, layer h2: online bias is not finite at 240 env steps"
+
+
+def test_a_network_that_all_agents_share_is_named() -> None:
+    """MADDPG has one critic: no single agent is to blame."""
+    run = planned("maddpg-md", environment="waterworld-n8")
+    training = Training([run.spec])
+    training.begin()
+    training.learner.tensors(0)["critic.target.g1.weight"][0, 0, 0] = float("inf")
+    assert not_finite(training, 0) == "all agents, layer g1: critic target weight"
+
+
+def test_a_loss_that_is_not_finite_is_named(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Where every weight still is finite, the row of the log says what is not."""
+
+    def overflow(training: Training) -> None:
+        training.learner.tensors(0)["metric_sums"][0] = float("inf")
+
+    outcome = ends(planned(), tmp_path, monkeypatch, 240, overflow)
+    assert outcome.reason == "loss is not finite at 240 env steps"
+
+
+@pytest.mark.parametrize("every", [8, 24, 1_000])
+def test_the_last_good_checkpoint_is_kept(
+    every: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """However often checkpoints are written, the run ends at the same row, and none is spoilt."""
+    run = planned(checkpoint_every_env_steps=every)
+    outcome = ends(run, tmp_path, monkeypatch, 176, bias_of_agent_2)
+    assert (outcome.status, outcome.env_steps) == ("diverged", 240)
+    assert str(outcome.reason).startswith("agent 2, layer ")
+    found = Checkpoints(outcome.path, run.run_id).latest(count_jsonl(outcome.path / METRICS))
+    good = 175 // every * every
+    assert (found.counters.env_steps if found else 0) == good
+    if found is not None:
+        assert all(bool(t.isfinite().all()) for t in found.state.values() if t.is_floating_point())
+
+
+def test_what_spoils_the_last_update_is_noticed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The losses of the last window are finite, but what they left behind is no policy."""
+    outcome = ends(planned(), tmp_path, monkeypatch, 480, bias_of_agent_2)
+    assert outcome.status == "diverged"
+    assert not (outcome.path / "policy.safetensors").exists()
