@@ -26,6 +26,7 @@ from msgdrop_cli.engine.facts import commit
 from msgdrop_cli.engine.tensors import write_tensors
 from msgdrop_cli.records.archive import LARGEST_ARCHIVE, contents, pack
 from msgdrop_cli.records.files import write_json_atomic
+from msgdrop_cli.records.ours import delete_leftovers
 from msgdrop_cli.records.store import RunRecord
 from msgdrop_cli.scheduler import Task, run_tasks
 from msgdrop_cli.stopping import Control, Stopped
@@ -65,6 +66,7 @@ class Campaign:
     def carry_out(self) -> None:
         """Train, evaluate and pack until everything is done or time is up."""
         looked_up = survey(self.asked.runs, self.out)
+        delete_leftovers(looked_up.records.values())
         check_claims(self.asked, looked_up.pending)
         sizes = {
             run.run_id: run_sizes(run, self.asked.evaluation_episodes) for run in looked_up.runs

@@ -86,6 +86,18 @@ def test_who_hears_nobody_has_no_links_to_break(copy: Store) -> None:
     assert "2 trained runs" in said.err
 
 
+def test_what_a_kill_left_of_a_finished_run_goes_at_the_next_start(copy: Store) -> None:
+    """The same command finds nothing to train, and tidies up; a dry run changes nothing."""
+    run = next(copy.results.rglob("run.json")).parent
+    (run / "checkpoints" / f"{160:015d}").mkdir(parents=True)
+    (run / ".tmp-1").write_text("half")
+    assert copy.ablate("--dry-run").code == 0
+    assert (run / "checkpoints").exists()
+    assert copy.ablate().code == 0
+    assert not (run / "checkpoints").exists()
+    assert not (run / ".tmp-1").exists()
+
+
 def test_nothing_is_imported_through_a_link(store: Store, tmp_path: Path) -> None:
     """In a results folder from somebody else the folder of the runs may lead anywhere."""
     write_archive(tmp_path / "a.zip", list_runs(store.results / "runs"))

@@ -1,6 +1,7 @@
 """Greedy episodes: whole, repeatable, apart from training, with links broken as asked."""
 
 import shutil
+from contextlib import AbstractContextManager
 from dataclasses import replace
 from pathlib import Path
 
@@ -8,11 +9,13 @@ import pytest
 import torch
 
 from msgdrop_cli.algorithms.dcc import DCC
+from msgdrop_cli.engine import evaluation
 from msgdrop_cli.engine.catalogue import catalogue
 from msgdrop_cli.engine.evaluation import evaluate, evaluate_run
 from msgdrop_cli.engine.run import train_cohort
 from msgdrop_cli.engine.tensors import read_tensors, write_tensors
 from msgdrop_cli.errors import RecordError
+from msgdrop_cli.records.files import run_lock
 from msgdrop_cli.records.store import list_runs
 from msgdrop_envs import registry
 from tests.dcc_samples import integers, rand
@@ -173,3 +176,20 @@ def test_weights_that_are_not_finite_are_refused(tmp_path: Path) -> None:
     write_tensors(policy, tensors)
     with pytest.raises(RecordError, match="not finite"):
         evaluate(outcome.path, broken_links=0.0, episodes=2)
+
+
+def test_one_process_evaluates_a_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The other one would overwrite its rows; what was played meanwhile is not played again."""
+    [outcome] = train_cohort([planned(train_env_steps=160)], tmp_path)
+    with run_lock(outcome.path), pytest.raises(RecordError) as caught:
+        evaluate_run(outcome.path, broken_links=0.5, episodes=8)
+    assert caught.value.exit_code == 75
+
+    def late_lock(path: Path) -> AbstractContextManager[None]:
+        monkeypatch.setattr(evaluation, "run_lock", run_lock)
+        assert evaluate_run(path, broken_links=0.5, episodes=8) == 8
+        return run_lock(path)
+
+    monkeypatch.setattr(evaluation, "run_lock", late_lock)
+    assert evaluate_run(outcome.path, broken_links=0.5, episodes=8) == 0
+    assert evaluate_run(outcome.path, broken_links=0.5, episodes=8) == 0

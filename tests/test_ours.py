@@ -9,7 +9,10 @@ import pytest
 from msgdrop_cli.engine import run as engine
 from msgdrop_cli.engine.run import train_cohort
 from msgdrop_cli.errors import RecordError
-from msgdrop_cli.records.ours import refuse_links
+from msgdrop_cli.records.files import run_lock
+from msgdrop_cli.records.ours import delete_leftovers, refuse_links
+from msgdrop_cli.records.store import RunRecord
+from tests.fake_runs import write_run
 from tests.runs import StopAt, planned
 
 RUN = planned(train_env_steps=240, checkpoint_every_env_steps=80)
@@ -95,3 +98,41 @@ def test_what_the_user_named_may_be_a_link(stopped: Path, tmp_path: Path) -> Non
     [outcome] = train_cohort([RUN], tmp_path / "link")
     assert (outcome.status, outcome.reason) == ("done", None)
     refuse_links(tmp_path / "link", tmp_path / "link")
+
+
+def leave(path: Path) -> None:
+    """What a kill leaves of a run: a checkpoint, and what was being written."""
+    (path / "checkpoints" / f"{160:015d}").mkdir(parents=True)
+    (path / "checkpoints" / f"{160:015d}" / "MANIFEST.json").write_text("{}")
+    (path / "checkpoints" / "replay").mkdir()
+    for name in (".tmp-1", "progress.json", f"checkpoints/replay/{0:015d}-{1:015d}.safetensors"):
+        (path / name).write_text("{}")
+
+
+def files(record: RunRecord) -> list[str]:
+    """What lies in the folder of a run."""
+    return sorted(path.name for path in record.path.iterdir())
+
+
+def test_leftovers_of_finished_runs_are_deleted(tmp_path: Path) -> None:
+    """Those that go on keep theirs, and a clean folder is not even locked: it may be read-only."""
+    killed = write_run(tmp_path, "dcc", 1)
+    clean, stopped = write_run(tmp_path, "dcc", 2), write_run(tmp_path, "dcc", 3, status="failed")
+    before = files(clean)
+    for record in (killed, stopped):
+        leave(record.path)
+    delete_leftovers([killed, clean, stopped])
+    assert files(killed) == sorted([*before, "lock"])
+    assert files(clean) == before
+    assert files(stopped) == sorted([*before, ".tmp-1", "checkpoints", "progress.json"])
+
+
+def test_leftovers_of_a_run_at_work_are_left(tmp_path: Path) -> None:
+    """Another runner may just be evaluating it, or deleting them itself."""
+    record = write_run(tmp_path, "dcc", 1)
+    leave(record.path)
+    with run_lock(record.path):  # deletes what was being written when it is taken
+        (record.path / ".tmp-2").write_text("half")
+        before = files(record)
+        delete_leftovers([record])
+        assert files(record) == before

@@ -26,6 +26,7 @@ from msgdrop_cli.definition.plan import Plan, plan
 from msgdrop_cli.definition.spec import Definition, PlannedRun
 from msgdrop_cli.definition.strict import one_line
 from msgdrop_cli.errors import RecordError
+from msgdrop_cli.records.ours import delete_leftovers
 from msgdrop_cli.records.planned import plan_run
 from msgdrop_cli.records.store import RunRecord, list_runs, run_path
 from msgdrop_cli.report.table import links_text
@@ -70,6 +71,7 @@ def carry_out(definition: Definition, options: TrainOptions) -> int:
     if options.dry_run:
         return 0
     outcomes: list[Outcome] = []
+    delete_leftovers(looked_up.records.values())
     if tasks:
         check_memory(cost.memory_bytes, options.device)
         check_folder(options.results, cost.disk_bytes)

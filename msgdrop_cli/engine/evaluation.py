@@ -23,7 +23,7 @@ from msgdrop_cli.engine.tensors import copy_into, read_tensors
 from msgdrop_cli.errors import DefinitionError, RecordError
 from msgdrop_cli.ops.links import broken_links as break_links
 from msgdrop_cli.ops.links import link_count
-from msgdrop_cli.records.files import read_json, write_jsonl_atomic
+from msgdrop_cli.records.files import read_json, run_lock, write_jsonl_atomic
 from msgdrop_cli.records.store import EPISODES, POLICY, RUN, list_runs
 from msgdrop_envs import autoreset, registry
 from msgdrop_envs.protocol import Environment
@@ -77,20 +77,24 @@ def evaluate_run(
     """Evaluate, and put the rows into the run's `episodes.jsonl` in one atomic step.
 
     Does nothing if the run has that many already; fewer are replaced, since an evaluation is drawn
-    as a whole. Returns the number of episodes played, 0 if `stop` said so. Raises RecordError.
+    as a whole. Returns the number of episodes played, 0 if `stop` said so. Raises RecordError,
+    (75) if another process trains or evaluates the run: one of them would lose its rows.
     """
-    record = list_runs(run_path)[0]
-    if record.has_episodes([broken_links], episodes):
+    if list_runs(run_path)[0].has_episodes([broken_links], episodes):
         return 0
-    rows = evaluate(
-        run_path, broken_links=broken_links, episodes=episodes, device=device, stop=stop
-    )
-    if not rows:
-        return 0
-    others = [row for row in record.episodes() if row["broken_links"] != broken_links]
-    ordered = sorted([*others, *rows], key=lambda row: (row["broken_links"], row["episode"]))
-    write_jsonl_atomic(run_path / EPISODES, ordered)
-    return len(rows)
+    with run_lock(run_path):
+        record = list_runs(run_path)[0]  # again: somebody may have played them meanwhile
+        if record.has_episodes([broken_links], episodes):
+            return 0
+        rows = evaluate(
+            run_path, broken_links=broken_links, episodes=episodes, device=device, stop=stop
+        )
+        if not rows:
+            return 0
+        others = [row for row in record.episodes() if row["broken_links"] != broken_links]
+        ordered = sorted([*others, *rows], key=lambda row: (row["broken_links"], row["episode"]))
+        write_jsonl_atomic(run_path / EPISODES, ordered)
+        return len(rows)
 
 
 def _spec_of(run_path: Path) -> RunSpec:

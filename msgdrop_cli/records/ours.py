@@ -5,13 +5,14 @@ No link in it is followed where we write or delete, and only names that are ours
 
 import re
 import shutil
-from collections.abc import Container
+from collections.abc import Container, Iterable
 from contextlib import suppress
 from pathlib import Path
 
 from msgdrop_cli.definition.strict import one_line
 from msgdrop_cli.errors import RecordError
-from msgdrop_cli.records.files import CANNOT_CREATE, TEMPORARY
+from msgdrop_cli.records.files import CANNOT_CREATE, TEMPORARY, run_lock
+from msgdrop_cli.records.store import PROGRESS, RunRecord
 
 CHECKPOINTS, REPLAY = "checkpoints", "replay"
 """The folder of a run's checkpoints, and the one in it of their replay memory."""
@@ -49,6 +50,19 @@ def delete_checkpoints(run_path: Path, keep: Container[Path] = ()) -> None:
                 _delete(path)
         with suppress(OSError):  # something is left in it
             place.rmdir()
+
+
+def delete_leftovers(records: Iterable[RunRecord]) -> None:
+    """Deletes what a kill left of finished runs: checkpoints, progress, what was being written.
+
+    A run at which somebody is at work, or that cannot be written to, is left as it is.
+    """
+    for record in records:
+        names = (CHECKPOINTS, PROGRESS, f"{TEMPORARY}*")
+        if record.status == "done" and any(any(record.path.glob(name)) for name in names):
+            with suppress(RecordError), run_lock(record.path):  # sees to what was being written
+                delete_checkpoints(record.path)
+                _delete(record.path / PROGRESS)
 
 
 def _delete(path: Path) -> None:
