@@ -70,6 +70,14 @@ def test_agent_and_layer_are_named(tmp_path: Path, monkeypatch: pytest.MonkeyPat
     assert outcome.reason == "agent 2, layer h2: online bias is not finite at 240 env steps"
 
 
+def test_large_numbers_are_finite() -> None:
+    """Their sum may be too large for a float where none of them is."""
+    training = Training([planned().spec])
+    training.begin()
+    training.learner.tensors(0)["target.f1.weight"].fill_(3e38)
+    assert not_finite(training, 0) is None
+
+
 def test_a_network_that_all_agents_share_is_named() -> None:
     """MADDPG has one critic: no single agent is to blame."""
     run = planned("maddpg-md", environment="waterworld-n8")

@@ -12,13 +12,16 @@ def not_finite(training: Training, run: int) -> str | None:
     Agents count from 0. Of several places the first in the order of `Learner.tensors`.
     """
     state = {name: t for name, t in state_of(training, run).items() if t.is_floating_point()}
-    if bool(torch.cat([tensor.flatten() for tensor in state.values()]).isfinite().all()):
+    # A sum reads each number once, and is finite only if all are; it may overflow without a fault.
+    if bool(torch.stack([tensor.sum() for tensor in state.values()]).isfinite().all()):
         return None
-    name, tensor = next((n, t) for n, t in state.items() if not bool(t.isfinite().all()))
+    name = next((name for name, t in state.items() if not bool(t.isfinite().all())), None)
+    if name is None:
+        return None
     owner, *words = name.split(".")
     if owner != "learner" or len(words) < 3:
         return name
     *part, layer, kind = words
-    networks = tensor.isfinite().flatten(1).all(1)  # one for all agents, or one each
+    networks = state[name].isfinite().flatten(1).all(1)  # one for all agents, or one each
     who = f"agent {int(networks.int().argmin())}" if len(networks) > 1 else "all agents"
     return f"{who}, layer {layer}: {' '.join((*part, kind))}"
