@@ -24,6 +24,7 @@ class Learner:
     epsilon_anneal_env_steps: int = 7
     widths: tuple[int, ...] = (64, 48)
     comment: str = field(default="none", metadata={"cosmetic": True})
+    neighbours: str = field(default="all", metadata={"later": True})
 
     def __post_init__(self) -> None:
         if not 0 <= self.rate <= 1:

@@ -4,6 +4,7 @@ import dataclasses
 import json
 import subprocess
 import sys
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -12,9 +13,17 @@ from msgdrop_cli.definition.cohorts import group
 from msgdrop_cli.definition.plan import plan
 from msgdrop_cli.definition.run_id import run_id, spec_from_dict, spec_to_dict
 from msgdrop_cli.definition.spec import PlannedRun, RunSpec, TrainingSpec
+from msgdrop_cli.engine.catalogue import catalogue
 from msgdrop_cli.errors import DefinitionError
 from tests.definition_samples import CATALOGUE, DEFINITION, Learner, World
 
+ROOT = Path(__file__).resolve().parents[1]
+PUBLISHED = (
+    *("fdc-s1-1050138a", "md-0.2-s1-0a902d7b", "md-0.5-s1-797a661b", "sd-0.2-s1-18d5e13c"),
+    *("dcc-s1-937be297", "fdc-s1-0ad397c0", "md-0.2-s1-3ff966d9", "md-0.5-s1-0932d351"),
+    *("ddpg-s1-b4a72ea0", "maddpg-s1-83d03193", "maddpg-md-0.2-s1-fa87e26c"),
+)
+"""Of every published folder."""
 SPEC = RunSpec(
     environment="tiny-n2",
     environment_config=World(),
@@ -63,6 +72,26 @@ def test_cosmetic_fields_do_not_change_the_id(other: RunSpec) -> None:
     """Fields that say they are cosmetic stand in the record but not in the id."""
     assert run_id(other) == run_id(SPEC)
     assert spec_to_dict(other) != spec_to_dict(SPEC)
+
+
+def test_a_later_setting_at_its_default_leaves_id_and_record_as_they_were() -> None:
+    """What was published before it existed is the same run, and is compared with what is new."""
+    assert "neighbours" not in spec_to_dict(SPEC)["algorithm"]
+    table = spec_to_dict(replaced(algorithm_config=Learner(rate=0.2, neighbours="ring")))
+    assert table["algorithm"]["neighbours"] == "ring"
+    changed = spec_from_dict(table, CATALOGUE)
+    assert run_id(changed) != run_id(SPEC)
+    assert spec_from_dict(spec_to_dict(SPEC), CATALOGUE) == SPEC
+
+
+@pytest.mark.parametrize("name", PUBLISHED)
+def test_published_ids_stay(name: str) -> None:
+    """The spec of a published record, read and identified by this program, has the id it had."""
+    file, *_ = (ROOT / "results" / "published").glob(f"*/*/{name}/run.json")
+    table = json.loads(file.read_text())
+    spec = spec_from_dict(table["spec"], catalogue())
+    assert run_id(spec) == name.rpartition("-")[2]
+    assert spec_to_dict(spec) == table["spec"]
 
 
 def test_the_id_does_not_depend_on_the_process() -> None:

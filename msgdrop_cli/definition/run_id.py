@@ -32,7 +32,9 @@ class _Learner:
 def run_id(spec: RunSpec) -> str:
     """The first 8 hex digits of the SHA-256 of the spec as canonical JSON, without the cosmetic.
 
-    A field is cosmetic if its metadata says `cosmetic=True`: it never changes a result.
+    A field is cosmetic if its metadata says `cosmetic=True`: it never changes a result. One that
+    came after runs had been published says `later=True`: at its default it does not stand in the
+    table, so that the ids of those runs, and what they are compared with, stay.
     """
     return short_hash(spec_to_dict(spec, cosmetic=False))
 
@@ -89,7 +91,12 @@ def _plain(value: Any, cosmetic: bool) -> Any:
     """`value` in JSON's own types; TypeError for what has no place in a Config."""
     if is_dataclass(value):
         kept = (f for f in fields(value) if cosmetic or not f.metadata.get("cosmetic", False))
-        return {field.name: _plain(getattr(value, field.name), cosmetic) for field in kept}
+        entries = {field: getattr(value, field.name) for field in kept}
+        return {
+            field.name: _plain(entry, cosmetic)
+            for field, entry in entries.items()
+            if not (field.metadata.get("later", False) and entry == field.default)
+        }
     if isinstance(value, Mapping):
         return {str(key): _plain(entry, cosmetic) for key, entry in value.items()}
     if isinstance(value, list | tuple):
