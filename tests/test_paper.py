@@ -113,6 +113,7 @@ LINES = {
     527: "two considered cases in pursuit",
     528: "outperforms both simple DCC and FDC when the communication link is broken",
     529: "FDC is better in this case",
+    561: "communication between limited pairs of agents",
     745: "$f$ is a two multi-layer perceptron (MLP) with 64 hidden units",
     746: "96-dimensional output",
     747: "as the output of $h$",

@@ -17,11 +17,11 @@ import pytest
 ROOT = Path(__file__).resolve().parents[1]
 ORDER = (
     *("__main__", "app", "commands", "report", "analysis", "scheduler"),
-    *("engine", "algorithms", "msgdrop_envs", "kernels", "networks", "ops"),
+    *("engine", "algorithms", "msgdrop_envs", "kernels", "networks", "messages", "ops"),
     *("records", "definition", "msgdrop_ablations", "stopping", "signals", "errors"),
 )
 """A room imports itself and what stands to its right."""
-WARM = {"engine", "algorithms", "msgdrop_envs", "kernels", "networks", "ops"}
+WARM = {"engine", "algorithms", "msgdrop_envs", "kernels", "networks", "messages", "ops"}
 TORCH_FREE = {"records", "definition", "msgdrop_ablations", "errors"}
 """These need no tensors at all, not even inside a function."""
 HEAVY = {"torch", "numpy", "matplotlib", "joblib", "safetensors", "gymnasium", "pettingzoo"}

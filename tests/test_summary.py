@@ -1,12 +1,10 @@
 """Runs sorted into arms and measured: what may stand in one row, and what its numbers are."""
 
 import json
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
-from msgdrop_cli.analysis.curves import learning_curve, learning_mean
 from msgdrop_cli.analysis.metrics import UNKNOWN, metrics_of
 from msgdrop_cli.analysis.summary import Group, summarise
 from msgdrop_cli.errors import RecordError
@@ -214,72 +212,6 @@ def test_a_spec_without_length_names_its_file(tmp_path: Path) -> None:
     broken = RunRecord(record.path, {**record.run, "spec": {"training": {}}})
     with pytest.raises(RecordError, match=r"run\.json: spec needs"):
         summarise([broken])
-
-
-def test_curve_of_two_seeds_spans_both(tmp_path: Path) -> None:
-    """Mean in the middle, band from the lower to the higher seed; four windows are not smoothed."""
-    records = [
-        write_run(tmp_path, "dcc", 1, curve=[0.0, 2.0, 4.0, 6.0]),
-        write_run(tmp_path, "dcc", 2, curve=[2.0, 2.0, 8.0, 6.0]),
-    ]
-    curve = learning_curve(records, HEADLINE, bootstrap_seed=0)
-    assert curve is not None
-    assert curve.env_steps == [250, 500, 750, 1000]
-    assert curve.mean == [1.0, 2.0, 6.0, 6.0]
-    assert curve.band == [(0.0, 2.0), (2.0, 2.0), (4.0, 8.0), (6.0, 6.0)]
-
-
-def test_curve_of_one_seed_has_no_band(tmp_path: Path) -> None:
-    """One seed has no spread to draw."""
-    curve = learning_curve([write_run(tmp_path, "dcc", 1)], HEADLINE, bootstrap_seed=0)
-    assert curve is not None
-    assert curve.band is None
-
-
-def test_smoothing_is_a_centred_mean_of_a_twentieth(tmp_path: Path) -> None:
-    """Of 100 windows 5 are averaged, 3 at the very ends; a lone 1 becomes 5 times 0.2."""
-    values = [0.0] * 100
-    values[50], values[0] = 1.0, 3.0
-    record = write_run(tmp_path, "dcc", 1, curve=values)
-    curve = learning_curve([record], HEADLINE, bootstrap_seed=0)
-    assert curve is not None
-    assert curve.mean[47:54] == pytest.approx([0.0, 0.2, 0.2, 0.2, 0.2, 0.2, 0.0])
-    assert curve.mean[:4] == pytest.approx([1.0, 0.75, 0.6, 0.0])
-
-
-def test_curve_keeps_the_steps_that_all_seeds_have(tmp_path: Path) -> None:
-    """A window without a value in one seed is no point of the mean."""
-    records = [
-        write_run(tmp_path, "dcc", 1, curve=[None, 2.0, 4.0, 6.0]),
-        write_run(tmp_path, "dcc", 2, curve=[2.0, 2.0, None, 6.0]),
-    ]
-    curve = learning_curve(records, HEADLINE, bootstrap_seed=0)
-    assert curve is not None
-    assert curve.env_steps == [500, 1000]
-
-
-def test_no_log_no_curve(tmp_path: Path) -> None:
-    """A run without windows has neither curve nor mean of one."""
-    record = write_run(tmp_path, "dcc", 1, curve=[])
-    assert learning_curve([record], HEADLINE, bootstrap_seed=0) is None
-    assert learning_mean(record, HEADLINE) is None
-
-
-def test_learning_mean_weighs_windows_by_their_length(tmp_path: Path) -> None:
-    """A last window of a tenth counts a tenth: (900 * 1 + 100 * 11) / 1000."""
-    record = write_run(tmp_path, "dcc", 1)
-    rows = [{"env_steps": 900, HEADLINE: 1.0}, {"env_steps": 1000, HEADLINE: 11.0}]
-    (record.path / "metrics.jsonl").write_text("".join(json.dumps(row) + "\n" for row in rows))
-    assert learning_mean(replace(record), HEADLINE) == 2.0
-
-
-def test_a_log_that_goes_back_is_refused(tmp_path: Path) -> None:
-    """Duplicated windows, as after a bad resume, are named and not averaged."""
-    record = write_run(tmp_path, "dcc", 1)
-    log = record.path / "metrics.jsonl"
-    log.write_text(log.read_text() * 2)
-    with pytest.raises(RecordError, match=r"metrics\.jsonl: env_steps 250 does not follow 1000"):
-        learning_mean(record, HEADLINE)
 
 
 def test_a_label_says_what_was_overridden(tmp_path: Path) -> None:

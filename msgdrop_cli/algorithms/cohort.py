@@ -8,6 +8,7 @@ import torch
 from torch import Tensor
 
 from msgdrop_cli.errors import DefinitionError
+from msgdrop_cli.messages.topologies import Senders
 from msgdrop_cli.networks.stacked import Stacked
 
 TORCH = "torch-autograd"
@@ -49,10 +50,19 @@ def shared_config(configs: Sequence[ConfigT], agents: int) -> ConfigT:
     return configs[0]
 
 
-def shown_agents(agents: int, senders: int, device: torch.device | str) -> Tensor:
-    """Row i: agent i, then its senders in increasing order (the paper's m^i, l. 149): [N, 1+S]."""
-    rows = [[i, *(j for j in range(agents) if j != i)] for i in range(agents)]
-    return torch.tensor(rows, device=device)[:, : 1 + senders].contiguous()
+def shown_agents(heard: Senders, device: torch.device | str) -> Tensor:
+    """Row i: agent i, then whom it hears (the paper's m^i, l. 149): [N, 1+S] int64."""
+    return torch.tensor([[i, *senders] for i, senders in enumerate(heard)], device=device)
+
+
+def links_heard(shown: Tensor) -> Tensor:
+    """Where the senders of shown [N, 1+S] stand among all others of an agent, [N, S] int64.
+
+    A keep mask has a column for each other agent in increasing order: agent j's is j, or j - 1 for
+    those whose number is lower.
+    """
+    own, heard = shown[:, :1], shown[:, 1:]
+    return heard - (heard > own).long()
 
 
 class RunningMeans:

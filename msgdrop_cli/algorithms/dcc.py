@@ -14,7 +14,7 @@ Letters: `R` runs, `E` games, `N` agents, `G = R*N`, `B` batch, `S` senders, `O`
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Literal
 
 import torch
@@ -24,6 +24,7 @@ from msgdrop_cli.algorithms import cohort
 from msgdrop_cli.algorithms.adam import Adam
 from msgdrop_cli.errors import DefinitionError
 from msgdrop_cli.kernels.dcc import NAME, DCCKernel, serves
+from msgdrop_cli.messages.topologies import Senders, check_topology, senders
 from msgdrop_cli.networks.q_network import q_network
 from msgdrop_cli.networks.stacked import Network, Stacked, initialise, parameter_count
 from msgdrop_cli.ops.exploration import annealed_epsilon, epsilon_greedy
@@ -45,6 +46,8 @@ class Config:
     """Drop the own observation as well (Full MD, Full SD, l. 489)."""
     network: Literal["fgh", "concat", "own"] = "fgh"
     """The architecture: h(f, g) (l. 404), one perceptron on everything, or on the own only."""
+    topology: str = field(default="all", metadata={"later": True})
+    """Who hears whom: a file in `messages/topologies` (all: l. 149; limited pairs: l. 561)."""
     f_units: tuple[int, int] = (64, 48)
     """Layers of f; also the first layers of FDC and Concat (l. 745, 750)."""
     g_units: int = 96
@@ -77,6 +80,7 @@ class Config:
     """Env steps from the start value to the final one (l. 753)."""
 
     def __post_init__(self) -> None:
+        check_topology(self.topology)
         shares = ("epsilon_start", "epsilon_final")
         amounts, counts = ("epsilon_anneal_env_steps",), ("target_update_every_updates",)
         cohort.check_ranges(self, shares=shares, amounts=amounts, counts=counts)
@@ -93,7 +97,6 @@ NAMED: Mapping[str, Mapping[str, Any]] = {
     "concat-md": {"network": "concat"},
 }
 """The names that definitions and `--algorithm` use, and what each changes in the Config."""
-
 _NAVIGATION = {"f_units": (64, 64), "g_units": 64, "epsilon_anneal_env_steps": 400_000}
 PAPER: Mapping[str, Mapping[str, Any]] = {
     "pursuit-n6": {},
@@ -101,7 +104,6 @@ PAPER: Mapping[str, Mapping[str, Any]] = {
     **dict.fromkeys(("navigation-n8", "navigation-n10"), _NAVIGATION),
 }
 """What the supplement changes for each environment (l. 751, 757-762)."""
-
 TRAINING: Mapping[str, Mapping[str, Any]] = {
     **{name: {"train_env_steps": 5_000_000} for name in ("pursuit-n6", "pursuit-n8")},
     **{name: {"train_env_steps": 1_000_000} for name in ("navigation-n8", "navigation-n10")},
@@ -132,17 +134,17 @@ class DCC:
             device=device,
         )
         self._parts = {"online": self.online, "target": self.target, **self.adam.moments}
-        senders = network.hears
-        self.shown_agents = cohort.shown_agents(self._agents, senders, device)
+        hears = network.hears
+        self.shown_agents = cohort.shown_agents(_heard(config, env), device)
+        self._links = cohort.links_heard(self.shown_agents)[None, None]  # [1, 1, N, S]
         self.rate = torch.tensor([c.rate for c in configs], device=device)  # [R]
-        scale = execution_scale(self.rate, senders, drops_own=config.drops_own)
+        scale = execution_scale(self.rate, hears, drops_own=config.drops_own)
         self.scale = scale.repeat_interleave(self._agents, 0)[:, None]  # [G, 1, 1+S, 1]
-        dropped = (1 + senders) if config.drops_own else senders
+        dropped = 1 + hears if config.drops_own else hears
         unit = env.observation_size if config.dropout == "element" else 1
         self._mask_shape = (self._agents, config.batch_size, dropped, unit)
         self.init_uniforms = self._agents * parameter_count(network.layers)
-        self.act_uniforms = 2
-        self.update_uniforms = math.prod(self._mask_shape)
+        self.act_uniforms, self.update_uniforms = 2, math.prod(self._mask_shape)
         self.updates, self._means = 0, cohort.RunningMeans(self._runs, device)
         self._computes = self._computed_by(env, device)
 
@@ -155,8 +157,8 @@ class DCC:
         sample, agent and sender; the own observation is kept, unless `drops_own`.
         """
         keep = keep_mask(uniforms.view(len(uniforms), *self._mask_shape), self.rate).flatten(0, 1)
-        own = keep.new_ones(*keep.shape[:2], 1, keep.shape[3])
-        return keep if self.config.drops_own else cat((own, keep), 2)
+        own = keep.new_ones(*keep.shape[:2], 0 if self.config.drops_own else 1, keep.shape[3])
+        return cat((own, keep), 2)
 
     def minimise(self, minibatch: Minibatch, keep: Tensor, step: int) -> tuple[Tensor, Tensor]:
         """Minimise DCC-MD's loss (label eq:5) by one step of Adam; keep [G, B, 1+S, 1 or O].
@@ -245,9 +247,9 @@ class DCC:
         runs, games = obs.shape[:2]
         factor = self.scale.expand(-1, games, -1, -1)  # [G, E, 1+S, 1]
         if keep is not None:
-            arrives = keep[..., : self.network.hears].transpose(1, 2).flatten(0, 1)  # [G, E, S]
+            arrives = keep.gather(-1, self._links.expand(runs, games, -1, -1))  # [R, E, N, S]
             factor = factor.clone()
-            factor[:, :, 1:, 0] *= arrives
+            factor[:, :, 1:, 0] *= arrives.transpose(1, 2).flatten(0, 1)
         q = self._computes.q_values(obs, factor)  # [G, E, A]
         return q.view(runs, self._agents, games, -1).transpose(1, 2)
 
@@ -265,8 +267,8 @@ class DCC:
 
     def metrics(self, env_steps: int) -> list[dict[str, float | None]]:
         """Each run's epsilon now, and the means of loss and Q since the last call (None: none)."""
-        now = {"epsilon": float(self.epsilon(env_steps))}
-        return [{**now, **means} for means in self._means.take()]
+        epsilon = float(self.epsilon(env_steps))
+        return [{"epsilon": epsilon, **means} for means in self._means.take()]
 
     def tensors(self, run: int) -> dict[str, Tensor]:
         """Online and target weights and Adam's moments of one run, as views."""
@@ -288,6 +290,11 @@ class DCC:
         self.adam.resume_at(self.updates)
 
 
+def _heard(c: Config, env: Environment) -> Senders:
+    """Whom each agent hears, [N, S]; nobody, if its network sees its own observation only."""
+    return [[]] * env.agents if c.network == "own" else senders(c.topology, env.agents)
+
+
 def _network(c: Config, env: Environment) -> Network:
-    sizes = (env.observation_size, env.agents, env.actions)
+    sizes = (env.observation_size, len(_heard(c, env)[0]), env.actions)
     return q_network(c.network, *sizes, c.f_units, c.g_units, c.h_units)

@@ -24,6 +24,7 @@ from msgdrop_cli.algorithms import cohort
 from msgdrop_cli.algorithms.soft_target import SoftTarget
 from msgdrop_cli.errors import DefinitionError
 from msgdrop_cli.kernels.maddpg import NAME, MADDPGKernel, serves
+from msgdrop_cli.messages.topologies.all import senders as all_others
 from msgdrop_cli.networks.critic import Critic, critic_of
 from msgdrop_cli.networks.perceptron import Perceptron
 from msgdrop_cli.networks.stacked import Stacked, parameter_count
@@ -119,7 +120,8 @@ class MADDPG:
         self.actors = SoftTarget(self.actor.layers, networks, *settings)
         self.critics = SoftTarget(self.critic.layers, networks, *settings)
         self._senders = senders = self.critic.hears
-        self.shown_agents = cohort.shown_agents(env.agents, senders, device)
+        heard = all_others(env.agents) if senders else [[]] * env.agents
+        self.shown_agents = cohort.shown_agents(heard, device)
         self.rate = torch.tensor([c.rate for c in configs], device=device)  # [R]
         counts = (parameter_count(network.layers) for network in (self.actor, self.critic))
         self.init_uniforms = self._networks_each * sum(counts)

@@ -1,0 +1,1 @@
+"""Messages on their way to a network: who is heard. One file a topology."""
