@@ -1,6 +1,6 @@
 """The command line as a whole: which commands there are, and what every error looks like.
 
-Whatever goes wrong is one line on stderr and an exit code (README, exit codes); a traceback is
+Whatever goes wrong is one line on stderr and an exit code (docs/exit-codes.md); a traceback is
 shown only if MSGDROP_TRACEBACK=1 asks for it.
 """
 
