@@ -40,7 +40,7 @@ def in_the_middle(cohort: Cohort, device: str) -> Training:
     known = catalogue()
     named = known.algorithm(cohort.algorithm)
     settings: dict[str, Any] = {
-        **known.paper_algorithm[cohort.environment, named.learner],
+        **known.sizes(cohort.environment, named.learner).algorithm,
         **named.overrides,
         **({} if device == "cuda" else {"replay_capacity": 800}),
     }

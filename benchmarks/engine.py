@@ -35,7 +35,7 @@ def spec(environment: str, algorithm: str) -> RunSpec:
         environment_config=known.environment(environment),
         algorithm=named.learner,
         algorithm_config=named.config_class(
-            **known.paper_algorithm[environment, named.learner],
+            **known.sizes(environment, named.learner).algorithm,
             **named.overrides,
             **EXPLORATION[named.learner],
             replay_start_env_steps=0,

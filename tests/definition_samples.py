@@ -3,7 +3,7 @@
 from dataclasses import dataclass, field
 from typing import Literal
 
-from msgdrop_cli.definition.catalogue import Catalogue, NamedAlgorithm
+from msgdrop_cli.definition.catalogue import Catalogue, NamedAlgorithm, PaperSizes
 from msgdrop_cli.definition.spec import Definition, Profile, Variant
 
 
@@ -37,8 +37,12 @@ CATALOGUE = Catalogue(
         "plain": NamedAlgorithm(learner="lab", config_class=Learner, overrides={}),
         "dropping": NamedAlgorithm(learner="lab", config_class=Learner, overrides={"rate": 0.2}),
     },
-    paper_algorithm={("tiny-n2", "lab"): {"epsilon_anneal_env_steps": 100, "rate": 0.1}},
-    paper_training={("tiny-n4", "lab"): {"train_env_steps": 44}},
+    paper={
+        ("tiny-n2", "lab"): PaperSizes(
+            algorithm={"epsilon_anneal_env_steps": 100, "rate": 0.1}, training={}
+        ),
+        ("tiny-n4", "lab"): PaperSizes(algorithm={}, training={"train_env_steps": 44}),
+    },
 )
 
 DEFINITION = Definition(

@@ -29,7 +29,7 @@ ARMS = [
     (environment, algorithm)
     for environment in KNOWN.environments
     for algorithm, named in KNOWN.algorithms.items()
-    if (environment, named.learner) in KNOWN.paper_algorithm
+    if (environment, named.learner) in KNOWN.paper
 ]
 """Every named algorithm where the paper has it."""
 

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 import torch
 
-from msgdrop_cli.algorithms.dcc import DCC, NAMED, PAPER, Config
+from msgdrop_cli.algorithms.dcc import DCC, NAMED, Config
+from msgdrop_cli.engine.catalogue import catalogue
 from msgdrop_cli.errors import DefinitionError
 from msgdrop_envs import registry
 from tests.dcc_samples import (
@@ -115,7 +116,8 @@ def test_scaling_inputs_is_scaling_weights(network: str) -> None:
 )
 def test_named_algorithms_have_the_papers_sizes(name: str, environment: str, expected: int) -> None:
     """Parameters per agent with the paper's settings (figure 8, l. 745-751, 757-761)."""
-    config = Config(**{**PAPER[environment], **NAMED[name]})
+    sizes = catalogue().sizes(environment, "dcc").algorithm
+    config = Config(**{**sizes, **NAMED[name]})
     env = registry.make(environment)
     learner = DCC([config], env)
     assert learner.init_uniforms == env.agents * expected

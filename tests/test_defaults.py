@@ -10,6 +10,7 @@ import pytest
 
 from msgdrop_cli.algorithms import dcc, maddpg
 from msgdrop_cli.definition.spec import Profile, TrainingSpec
+from msgdrop_cli.engine.catalogue import catalogue
 from msgdrop_envs import pursuit
 
 LEARNER: dict[str, Any] = {
@@ -43,6 +44,11 @@ NAMED: dict[str, dict[str, Any]] = {
     "concat-dcc": {"network": "concat", "rate": 0.0},  # l. 515
     "concat-md": {"network": "concat"},  # l. 508
 }
+NAVIGATION = {
+    "f_units": (64, 64),  # l. 759
+    "g_units": 64,  # l. 759
+    "epsilon_anneal_env_steps": 400_000,  # l. 762
+}
 GAME = {
     "pursuers": 6,  # l. 373
     "evaders": 2,  # l. 373
@@ -74,15 +80,19 @@ def test_named_algorithms_change_what_the_paper_changes() -> None:
     [
         ("pursuit-n6", {}),
         ("pursuit-n8", {"g_units": 128}),  # l. 751: only g is changed
+        ("navigation-n8", NAVIGATION),
+        ("navigation-n10", NAVIGATION),
     ],
 )
 def test_settings_of_an_environment_are_the_papers(
-    environment: str, changes: dict[str, int]
+    environment: str, changes: dict[str, Any]
 ) -> None:
-    """The learner's settings for each case of pursuit, and how long a run is."""
-    assert asdict(dcc.Config(**dcc.PAPER[environment])) == LEARNER | changes
-    training = TrainingSpec(**dcc.TRAINING[environment])
-    assert training.train_env_steps == 5_000_000  # ours; l. 753 only lets it exceed 2e6
+    """The learner's settings for each case of pursuit and navigation, and how long a run is."""
+    sizes = catalogue().sizes(environment, "dcc")
+    assert asdict(dcc.Config(**sizes.algorithm)) == LEARNER | changes
+    # Ours; l. 753 only lets it exceed 2e6 in pursuit, l. 762 exceed 4e5 in navigation.
+    length = 5_000_000 if environment.startswith("pursuit") else 1_000_000
+    assert TrainingSpec(**sizes.training).train_env_steps == length
 
 
 MADDPG: dict[str, Any] = {
@@ -120,9 +130,9 @@ def test_maddpgs_defaults_are_the_decided_ones() -> None:
         name: MADDPG | each for name, each in changes.items()
     }
     for environment in ("waterworld-n8", "waterworld-n10"):
-        assert asdict(maddpg.Config(**maddpg.PAPER[environment])) == MADDPG
-        training = TrainingSpec(**maddpg.TRAINING[environment])
-        assert training.train_env_steps == 2_000_000  # ours
+        sizes = catalogue().sizes(environment, "maddpg")
+        assert asdict(maddpg.Config(**sizes.algorithm)) == MADDPG
+        assert TrainingSpec(**sizes.training).train_env_steps == 2_000_000  # ours
 
 
 def test_length_and_games_are_the_decided_ones() -> None:

@@ -19,12 +19,13 @@ from msgdrop_cli.errors import DefinitionError
 from msgdrop_envs import registry
 from tests.dcc_samples import integers, rand, use_kernel
 
-LEARNERS = learners()
+LEARNERS, KNOWN = learners(), catalogue()
 CASES = [
     (learner, name, environment)
     for learner, module in LEARNERS.items()
     for name in module.NAMED
-    for environment in module.PAPER
+    for environment, sized in KNOWN.paper
+    if sized == learner
 ]
 GAMES = 3
 
@@ -33,7 +34,8 @@ def _config(learner: str, name: str, environment: str) -> Any:
     """The named algorithm with the paper's settings, and a memory that is soon full."""
     module = LEARNERS[learner]
     early = {"replay_start_env_steps": GAMES, "replay_capacity": 60, "batch_size": 8}
-    return module.Config(**{**module.PAPER[environment], **module.NAMED[name], **early})
+    sizes = KNOWN.sizes(environment, learner).algorithm
+    return module.Config(**{**sizes, **module.NAMED[name], **early})
 
 
 def _training(learner: str, name: str, environment: str, seeds: int = 1) -> Training:
@@ -68,7 +70,7 @@ def test_the_registry_finds_the_papers_learners() -> None:
 
 @pytest.mark.parametrize("learner", LEARNERS)
 def test_module_has_what_the_registry_promises(learner: str) -> None:
-    """A frozen Config, NAMED algorithms, settings and lengths for known environments, the class."""
+    """A frozen Config, NAMED algorithms, sizes for some environment, and the class."""
     module = LEARNERS[learner]
     assert isinstance(module, ModuleType)
     with pytest.raises(dataclasses.FrozenInstanceError):
@@ -77,9 +79,7 @@ def test_module_has_what_the_registry_promises(learner: str) -> None:
     required = {"rate", "batch_size", "replay_capacity", "replay_start_env_steps"}
     assert required | {"update_every_env_steps"} <= fields
     assert module.NAMED
-    assert set(module.PAPER) == set(module.TRAINING) <= set(registry.settings())
-    for training in module.TRAINING.values():
-        TrainingSpec(**training)
+    assert learner in {sized for _, sized in KNOWN.paper}
     assert learner_class(learner) is getattr(module, learner.upper())
 
 
@@ -214,14 +214,13 @@ def test_tensors_and_policy_are_views_that_round_trip(
 @pytest.mark.parametrize("algorithm", ["dcc", "concat-md", "maddpg", "vanilla-maddpg"])
 def test_one_agent_alone_has_nobody_to_hear(algorithm: str) -> None:
     """A network without senders would begin with weights that are no numbers."""
-    known = catalogue()
-    named = known.algorithm(algorithm)
+    named = KNOWN.algorithm(algorithm)
     games = {"dcc": "pursuit-n6", "maddpg": "waterworld-n8"}
     alone = {"pursuers": 1} | ({"catchers": 1} if named.learner == "maddpg" else {})
-    config = dataclasses.replace(known.environment(games[named.learner]), **alone)
+    config = dataclasses.replace(KNOWN.environment(games[named.learner]), **alone)
     make = learner_class(named.learner)
     with pytest.raises(DefinitionError, match="one agent alone has nobody to hear"):
         make([named.config_class(**named.overrides)], registry.make(config), "cpu")
     own = {"dcc": "fdc", "maddpg": "ddpg"}[named.learner]
-    overrides = known.algorithm(own).overrides
+    overrides = KNOWN.algorithm(own).overrides
     make([named.config_class(**overrides)], registry.make(config), "cpu")

@@ -97,18 +97,6 @@ NAMED: Mapping[str, Mapping[str, Any]] = {
     "concat-md": {"network": "concat"},
 }
 """The names that definitions and `--algorithm` use, and what each changes in the Config."""
-_NAVIGATION = {"f_units": (64, 64), "g_units": 64, "epsilon_anneal_env_steps": 400_000}
-PAPER: Mapping[str, Mapping[str, Any]] = {
-    "pursuit-n6": {},
-    "pursuit-n8": {"g_units": 128},
-    **dict.fromkeys(("navigation-n8", "navigation-n10"), _NAVIGATION),
-}
-"""What the supplement changes for each environment (l. 751, 757-762)."""
-TRAINING: Mapping[str, Mapping[str, Any]] = {
-    **{name: {"train_env_steps": 5_000_000} for name in ("pursuit-n6", "pursuit-n8")},
-    **{name: {"train_env_steps": 1_000_000} for name in ("navigation-n8", "navigation-n10")},
-}
-"""How long the paper's runs are (ours: 2.5 times the steps over which epsilon anneals)."""
 
 
 class DCC:

@@ -94,12 +94,6 @@ NAMED: Mapping[str, Mapping[str, Any]] = {
 }
 """The names that definitions and `--algorithm` use, and what each changes in the Config."""
 
-PAPER: Mapping[str, Mapping[str, Any]] = {"waterworld-n8": {}, "waterworld-n10": {}}
-"""What the supplement changes for each environment: nothing."""
-
-TRAINING: Mapping[str, Mapping[str, Any]] = {name: {"train_env_steps": 2_000_000} for name in PAPER}
-"""How long the paper's runs are (ours: not in the paper)."""
-
 
 class MADDPG:
     """The stacked actors and critics of a cohort: R runs of N agents each."""

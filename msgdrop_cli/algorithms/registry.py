@@ -10,7 +10,7 @@ from msgdrop_cli.algorithms.protocol import LearnerFactory
 
 
 def learners() -> dict[str, ModuleType]:
-    """The learners' modules by name; each has `Config`, `NAMED`, `PAPER`, `TRAINING`, its class."""
+    """The learners' modules by name; each has a `Config`, `NAMED` and its class."""
     package = msgdrop_cli.algorithms
     modules = {
         found.name: importlib.import_module(f"{package.__name__}.{found.name}")

@@ -20,16 +20,24 @@ class NamedAlgorithm:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class PaperSizes:
+    """What the paper has for one game and one learner, from `paper.toml`."""
+
+    algorithm: Mapping[str, Any]
+    """Fields of the learner's Config."""
+    training: Mapping[str, Any]
+    """Fields of TrainingSpec."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Catalogue:
     """Every environment and algorithm, with the paper's settings."""
 
     environments: Mapping[str, Any]
     """Name to frozen Config instance: the paper's setting."""
     algorithms: Mapping[str, NamedAlgorithm]
-    paper_algorithm: Mapping[tuple[str, str], Mapping[str, Any]]
-    """(environment, learner) to the paper's fields of the learner's Config."""
-    paper_training: Mapping[tuple[str, str], Mapping[str, Any]]
-    """(environment, learner) to the paper's fields of TrainingSpec."""
+    paper: Mapping[tuple[str, str], PaperSizes]
+    """By environment and learner."""
 
     def environment(self, name: str) -> Any:
         """The Config of the paper's setting `name`; DefinitionError for an unknown one."""
@@ -44,6 +52,23 @@ class Catalogue:
             known = nearest(name[:64], self.algorithms)
             raise DefinitionError(f"no algorithm is called {name[:64]!r}; {known}")
         return self.algorithms[name]
+
+    def sizes(self, environment: str, learner: str) -> PaperSizes:
+        """What the paper has for this pair; DefinitionError where nothing says it.
+
+        A learner's defaults are the sizes of one game, which would fit others without a word.
+        """
+        if (environment, learner) not in self.paper:
+            fitting = [
+                name
+                for name, named in self.algorithms.items()
+                if (environment, named.learner) in self.paper
+            ]
+            raise DefinitionError(
+                f"no sizes are known of {learner} there, paper.toml has no"
+                f" [{environment}.{learner}]; what fits: {', '.join(fitting) or 'nothing yet'}"
+            )
+        return self.paper[environment, learner]
 
     def fixed(self, name: str) -> set[str]:
         """The fields of the Config that make an algorithm the one that people call `name`.

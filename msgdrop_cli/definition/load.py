@@ -6,13 +6,12 @@ Which environments and algorithms exist is not known here; `plan` checks them.
 import itertools
 import os
 import stat
-import tomllib
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from importlib import resources
 from importlib.resources.abc import Traversable
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
 from msgdrop_cli.definition.spec import (
     NAME,
@@ -22,9 +21,11 @@ from msgdrop_cli.definition.spec import (
     Variant,
     check_fractions,
 )
-from msgdrop_cli.definition.strict import Where, build
+from msgdrop_cli.definition.strict import Where, build, read_toml
 from msgdrop_cli.errors import DefinitionError, nearest
 
+PAPER = "paper.toml"
+"""Shipped beside the questions and none of them: sizes and lengths (`paper.py`)."""
 _LARGEST_FILE = 1_000_000
 
 
@@ -78,13 +79,21 @@ def list_definitions() -> list[str]:
     return sorted(_shipped())
 
 
+def shipped_file(name: str) -> bytes:
+    """What a file that is shipped beside the questions contains."""
+    return _folder().joinpath(name).read_bytes()
+
+
 def _shipped() -> dict[str, Traversable]:
+    files = (file for file in _folder().iterdir() if file.name.endswith(".toml"))
+    return {file.name.removesuffix(".toml"): file for file in files if file.name != PAPER}
+
+
+def _folder() -> Traversable:
     try:
-        folder = resources.files("msgdrop_ablations")
+        return resources.files("msgdrop_ablations")
     except ModuleNotFoundError as error:
         raise DefinitionError("msgdrop_ablations is not importable; install msgdrop") from error
-    files = (file for file in folder.iterdir() if file.name.endswith(".toml"))
-    return {file.name.removesuffix(".toml"): file for file in files}
 
 
 def _read(path: Path) -> bytes:
@@ -105,13 +114,7 @@ def _read(path: Path) -> bytes:
 def _parsed(name: str, file: str, content: bytes, *, shipped: bool) -> Definition:
     where = Where(file)
     _check_names([name], where)
-    try:
-        table: Any = tomllib.loads(content.decode("utf-8-sig"))  # Windows' editors write a mark
-    except UnicodeDecodeError as error:
-        raise where.error("is not in UTF-8; save it in that encoding") from error
-    except (ValueError, RecursionError) as error:
-        raise where.error(f"is not TOML: {error}") from error
-    read = build(_File, table, where)
+    read = build(_File, read_toml(content, where), where)
     _check(read, where)
     claims = itertools.chain.from_iterable(
         _claims(claim, read, where.at("claims").at(str(number)))

@@ -191,13 +191,16 @@ class _Resolver:
             named = self.catalogue.algorithm(arm.algorithm["name"])
         except DefinitionError as error:
             raise place.at("name").error(str(error)) from None
-        pair = (environment, named.learner)
+        try:
+            sizes = self.catalogue.sizes(environment, named.learner)
+        except DefinitionError as error:
+            raise DefinitionError(f"{environment}, {variant}: {error}") from None
         papers = Where(f"paper settings of {environment}")
         algorithm = [
-            (papers.at("algorithm"), self.catalogue.paper_algorithm.get(pair, {})),
+            (papers.at("algorithm"), sizes.algorithm),
             (Where(f"algorithm {arm.algorithm['name']}"), named.overrides),
         ]
-        training = [(papers.at("training"), self.catalogue.paper_training.get(pair, {}))]
+        training = [(papers.at("training"), sizes.training)]
         spec = RunSpec(
             environment=environment,
             environment_config=self._resolved(

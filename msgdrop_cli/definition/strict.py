@@ -6,6 +6,7 @@ int: everything else of the wrong type is refused, never converted.
 
 import math
 import re
+import tomllib
 import types
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
@@ -57,6 +58,16 @@ class Where:
         """`file.toml: variants."md-0.2".label`."""
         path = ".".join(_key(key) for key in self.keys)
         return f"{self.file}: {path}" if path else self.file
+
+
+def read_toml(content: bytes, where: Where) -> dict[str, Any]:
+    """The table that a TOML file contains; DefinitionError for what is not TOML in UTF-8."""
+    try:
+        return tomllib.loads(content.decode("utf-8-sig"))  # Windows' editors write a mark
+    except UnicodeDecodeError as error:
+        raise where.error("is not in UTF-8; save it in that encoding") from error
+    except (ValueError, RecursionError) as error:
+        raise where.error(f"is not TOML: {error}") from error
 
 
 def build(cls: type[T], table: Any, where: Where | str) -> T:
