@@ -2,6 +2,7 @@
 
 import dataclasses
 import random
+from typing import Any
 
 import pytest
 
@@ -59,6 +60,23 @@ def test_the_profile_lies_over_the_named_algorithm() -> None:
     low = first(plan(DEFINITION, "quick", CATALOGUE), "tiny-n2", "low").spec
     assert (low.algorithm_config.rate, low.algorithm_config.epsilon_anneal_env_steps) == (0.3, 5)
     assert (low.training.games, low.environment_config.time_limit) == (3, 50)
+
+
+@pytest.mark.parametrize(
+    ("profile", "explores"),
+    [
+        ({"training": {"train_env_steps": 61}}, 30),  # half, rounded down
+        ({"training": {"train_env_steps": 1e2}}, 50),
+        ({"training": {"train_env_steps": 900}}, 100),  # the paper's, at most
+        ({"training": {"games": 2}}, 100),  # the paper's length
+        ({"training": {"train_env_steps": 61}, "algorithm": {"epsilon_anneal_env_steps": 9}}, 9),
+    ],
+)
+def test_half_of_a_shorter_training_explores(profile: dict[str, Any], explores: int) -> None:
+    """Unless the profile says it, epsilon anneals over half of its training, or as the paper's."""
+    scaled = dataclasses.replace(DEFINITION, profiles={"short": Profile(seeds=1, **profile)})
+    config = first(plan(scaled, "short", CATALOGUE), "tiny-n2", "plain").spec.algorithm_config
+    assert config.epsilon_anneal_env_steps == explores
 
 
 def test_the_variant_lies_over_the_profile() -> None:

@@ -3,9 +3,11 @@
 The claims are held against a table of their own, read off the paper's text a second time.
 """
 
+import json
 import re
 from dataclasses import replace
 from itertools import product
+from pathlib import Path
 
 import pytest
 
@@ -15,6 +17,7 @@ from msgdrop_cli.engine.catalogue import catalogue
 
 CATALOGUE = catalogue()
 NAMES = list_definitions()
+PUBLISHED, SEEDS = Path(__file__).parents[1] / "results" / "published", range(1, 7)
 
 BOTH = ("pursuit-n6", "pursuit-n8")
 SIX, EIGHT = BOTH[:1], BOTH[1:]
@@ -150,6 +153,23 @@ def test_a_shorter_training_explores_for_half_of_it(name: str) -> None:
             whole = steps == paper.training.train_env_steps
             expected = paper.algorithm_config.epsilon_anneal_env_steps if whole else steps // 2
             assert run.spec.algorithm_config.epsilon_anneal_env_steps == expected
+
+
+def test_what_is_published_is_what_is_planned() -> None:
+    """Every published run has the id that its question and profile give it today."""
+    published = [json.loads(path.read_text()) for path in PUBLISHED.rglob("run.json")]
+    assert len(published) >= 60
+    planned = {
+        (name, profile): {
+            run.run_id for run in plan(question, profile, CATALOGUE, seeds=SEEDS).runs
+        }
+        for name, profile in {(record["definition"], record["profile"]) for record in published}
+        for question in [load_definition(name)]
+    }
+    for record in published:
+        assert record["run_id"] in planned[record["definition"], record["profile"]], record[
+            "run_id"
+        ]
 
 
 def test_the_first_command_of_the_readme_trains_600_000_env_steps() -> None:

@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from types import MappingProxyType
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
@@ -22,7 +22,6 @@ _PROFILES: Mapping[str, Profile] = MappingProxyType(
             seeds=1,
             evaluation_episodes=200,
             training={"train_env_steps": 100_000},
-            algorithm={"epsilon_anneal_env_steps": 50_000},
         ),
         "million": Profile(
             seeds=1,
@@ -136,19 +135,11 @@ def _definition(
     config = plan(paper, "paper", known).runs[0].spec.algorithm_config
     if rate is not None:
         _check_takes_rate(algorithm, known)
-    scale = _PROFILES[profile] if steps is None else _of_length(_PROFILES[profile], steps, config)
+    scale = _PROFILES[profile]
+    if steps is not None:
+        scale = replace(scale, training={"train_env_steps": steps}, algorithm={})
     kept = {key: value for key, value in scale.algorithm.items() if hasattr(config, key)}
     return replace(question, profiles={profile: replace(scale, algorithm=kept)})
-
-
-def _of_length(profile: Profile, steps: int, paper: Any) -> Profile:
-    """The profile at another length: half of it explores, and never longer than the paper does."""
-    explores = min(steps // 2, getattr(paper, "epsilon_anneal_env_steps", steps))
-    return replace(
-        profile,
-        training={"train_env_steps": steps},
-        algorithm={"epsilon_anneal_env_steps": explores},
-    )
 
 
 def _check_takes_rate(algorithm: str, known: Catalogue) -> None:

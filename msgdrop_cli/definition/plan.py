@@ -1,7 +1,8 @@
 """From a definition to the runs it asks for, every setting resolved and checked.
 
 Precedence: the paper's settings < the named algorithm < profile < variant < `--set`. What a variant
-sets itself is overridden by its own name only: `--set variants.md-0.2.algorithm.rate=0.3`.
+sets itself is overridden by its own name only: `--set variants.md-0.2.algorithm.rate=0.3`. Where a
+profile says how long is trained and not how long is explored, the latter follows (`_explored`).
 """
 
 from collections.abc import Sequence
@@ -28,9 +29,11 @@ from msgdrop_cli.definition.spec import (
     TrainingSpec,
     Variant,
 )
-from msgdrop_cli.definition.strict import Where, overlay, shallow, shown, whole_number
+from msgdrop_cli.definition.strict import Where, overlay, parse, shallow, shown, whole_number
 from msgdrop_cli.errors import DefinitionError, nearest
 
+_EPSILON = "epsilon_anneal_env_steps"
+"""The field of a learner that explores less and less."""
 _MOST_SEEDS = 1_000
 _LARGEST_SEED = 2**31 - 1
 
@@ -200,6 +203,7 @@ class _Resolver:
             (papers.at("algorithm"), sizes.algorithm),
             (Where(f"algorithm {arm.algorithm['name']}"), named.overrides),
         ]
+        algorithm.append(self._explored(overlay(named.config_class, algorithm)))
         training = [(papers.at("training"), sizes.training)]
         spec = RunSpec(
             environment=environment,
@@ -220,6 +224,19 @@ class _Resolver:
             spec=spec,
             overrides=described(applied(self.overrides, variant), spec),
         )
+
+    def _explored(self, paper: Any) -> tuple[Where, dict[str, int]]:
+        """Half of the training that a profile sets explores, and never more than the paper's does.
+
+        At the paper's pace a short run would be random play to its end. paper: the learner's
+        Config at its scale; a learner without epsilon is left alone.
+        """
+        place = Where(self.definition.file).at("profiles").at(self.profile).at("training")
+        scale = self.definition.profiles[self.profile].training
+        steps = parse(TrainingSpec, scale, place).get("train_env_steps")
+        if steps is None or not hasattr(paper, _EPSILON):
+            return place, {}
+        return place, {_EPSILON: min(steps // 2, getattr(paper, _EPSILON))}
 
     def _resolved(
         self, cls: type[Any], section: str, variant: str, paper: list[tuple[Where, Any]]
