@@ -9,7 +9,7 @@ from typing import Any
 
 from msgdrop_cli.analysis.summary import Group
 from msgdrop_cli.records.store import RunRecord, list_runs
-from msgdrop_envs.pursuit import Pursuit
+from msgdrop_envs.pursuit.rules import Pursuit
 
 GROUP = Group("pursuit-n6", 1000, "quick")
 

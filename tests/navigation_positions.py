@@ -6,7 +6,7 @@ from typing import Any
 import torch
 from torch import Tensor
 
-from msgdrop_envs.navigation import Config, State
+from msgdrop_envs.navigation.rules import Config, Navigation, State
 from msgdrop_envs.protocol import Transition
 from tests.slow_navigation import Point, SlowNavigation
 
@@ -32,7 +32,7 @@ def play(
 ) -> tuple[State, Transition]:
     """One step of a game; without actions nobody pushes."""
     rules = Config(agents=len(agents), landmarks=len(landmarks), **config)
-    return rules.build(torch.device("cpu")).step(
+    return Navigation(rules, torch.device("cpu")).step(
         position(agents, landmarks, velocities),
         torch.tensor(actions or [NOTHING] * len(agents)),
         torch.zeros(0),

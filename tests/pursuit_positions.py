@@ -7,7 +7,7 @@ import torch
 from torch import Tensor
 
 from msgdrop_envs.protocol import Transition
-from msgdrop_envs.pursuit import Config, State
+from msgdrop_envs.pursuit.rules import Config, Pursuit, State
 from tests.slow_pursuit import Cell, SlowPursuit
 
 NORTH, EAST, WEST, SOUTH, STAY = range(5)
@@ -38,7 +38,7 @@ def play(
 ) -> tuple[State, Transition]:
     """One step of a game; without moves everybody stays."""
     rules = Config(pursuers=len(pursuers), evaders=len(evaders), **config)
-    env = rules.build(torch.device("cpu"))
+    env = Pursuit(rules, torch.device("cpu"))
     return env.step(
         position(pursuers, evaders),
         torch.tensor(actions or [STAY] * len(pursuers)),

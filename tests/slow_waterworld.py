@@ -1,6 +1,6 @@
 """Waterworld once more, slowly, in plain Python: the yardstick of `test_waterworld.py`.
 
-Written from the rules alone (the docstrings of `waterworld.py` and `waterworld_sensors.py`), one
+Written from the rules alone (the docstrings of `rules.py` and `sensors.py`), one
 game at a time, sensor by sensor and object by object, in Python's 64-bit floats. Where the answer
 hangs on a comparison, the slow game also tells how far the nearest one was from going the other
 way: 32-bit floats may decide differently only there.
@@ -11,7 +11,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
-from msgdrop_envs.waterworld import Config
+from msgdrop_envs.waterworld.config import Config
 
 Vector = tuple[float, float]
 

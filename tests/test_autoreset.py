@@ -2,15 +2,16 @@
 
 import torch
 
-from msgdrop_envs import autoreset, navigation
+from msgdrop_envs import autoreset
+from msgdrop_envs.navigation import rules as navigation
 from msgdrop_envs.protocol import Transition
-from msgdrop_envs.pursuit import Config, Pursuit, State
+from msgdrop_envs.pursuit.rules import Config, Pursuit, State
 from tests.pursuit_positions import RING, STAY, position, stack, uniform, windows
 
 
 def start_from(state: State, config: Config, elapsed: int = 0) -> tuple[Pursuit, autoreset.Games]:
     """Games in play from this position."""
-    env = config.build(torch.device("cpu"))
+    env = Pursuit(config, torch.device("cpu"))
     steps = torch.full(state.free.shape[:-1], elapsed)
     return env, autoreset.Games(state, steps, env.observe(state))
 
@@ -66,7 +67,7 @@ def test_only_games_that_end_restart() -> None:
 def test_final_counts_count_in_the_last_step_only() -> None:
     """Landmarks covered are 0 until the time limit ends the episode; collisions count always."""
     config = navigation.Config(agents=2, landmarks=2, time_limit=3, cover_radius=0.2)
-    env = config.build(torch.device("cpu"))
+    env = navigation.Navigation(config, torch.device("cpu"))
     numbers = torch.full((1, env.reset_uniforms), 0.5)  # everything on one point, for ever
     games = autoreset.start(env, numbers, torch.zeros(1, dtype=torch.int64))
     rows = []

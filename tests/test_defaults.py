@@ -11,13 +11,14 @@ import pytest
 from msgdrop_cli.algorithms import dcc, maddpg
 from msgdrop_cli.definition.spec import Profile, TrainingSpec
 from msgdrop_cli.engine.catalogue import catalogue
-from msgdrop_envs import pursuit
+from msgdrop_envs.pursuit import rules as pursuit
 
 LEARNER: dict[str, Any] = {
     "rate": 0.2,  # l. 420: the best rate is around [0.2, 0.3]; ours: the lower end
     "dropout": "message",  # l. 173: blockwise
     "drops_own": False,  # l. 173: not applied to the own observation
-    "network": "fgh",  # l. 404
+    "network": "fgh",
+    "topology": "all",  # l. 149  # l. 404
     "f_units": (64, 48),  # l. 745
     "g_units": 96,  # l. 746
     "h_units": 32,  # l. 748

@@ -3,7 +3,7 @@
 import pytest
 import torch
 
-from msgdrop_envs.navigation import PAPER, Config, State
+from msgdrop_envs.navigation.rules import PAPER, Config, Navigation, State
 from tests.navigation_positions import slow_games
 
 GAMES, STEPS = 400, 26
@@ -25,7 +25,7 @@ VARIANTS = {
 
 def crowded(config: Config, generator: torch.Generator) -> State:
     """Games that start with the agents on a patch of 1 to 0.05 of the world's width, moving."""
-    env = config.build(torch.device("cpu"))
+    env = Navigation(config, torch.device("cpu"))
     state = env.reset(torch.rand(GAMES, env.reset_uniforms, generator=generator))
     patch = torch.logspace(0, -1.3, GAMES)[:, None, None]
     velocities = 2.0 * torch.rand(state.velocities.shape, generator=generator) - 1.0
@@ -40,7 +40,7 @@ def test_batched_game_equals_slow_game(name: str) -> None:
     """
     config = VARIANTS[name]
     generator = torch.Generator().manual_seed(7)
-    env = config.build(torch.device("cpu"))
+    env = Navigation(config, torch.device("cpu"))
     state, collisions, covered = crowded(config, generator), 0, 0
     for _ in range(STEPS if name == "n8" else 5):
         slow = slow_games(config, state)
@@ -67,7 +67,7 @@ def test_whole_episodes_equal_the_slow_game(name: str) -> None:
     """From the paper's starts both play 25 steps on their own and end within 1e-3."""
     config = VARIANTS[name]
     generator = torch.Generator().manual_seed(3)
-    env = config.build(torch.device("cpu"))
+    env = Navigation(config, torch.device("cpu"))
     state = env.reset(torch.rand(40, env.reset_uniforms, generator=generator))
     slow, apart = slow_games(config, state), []
     for _ in range(config.time_limit):
@@ -85,7 +85,7 @@ def test_whole_episodes_equal_the_slow_game(name: str) -> None:
 def test_a_game_is_the_same_in_any_batch(name: str, batch: tuple[int, ...]) -> None:
     """Bit for bit what it is alone, contacts included, whatever it is stacked with."""
     config = VARIANTS[name]
-    env = config.build(torch.device("cpu"))
+    env = Navigation(config, torch.device("cpu"))
     generator = torch.Generator().manual_seed(1)
     start = env.reset(0.4 + 0.2 * torch.rand(*batch, env.reset_uniforms, generator=generator))
     actions = torch.randint(5, (*batch, env.agents), generator=generator)

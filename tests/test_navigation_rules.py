@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 import torch
 
-from msgdrop_envs.navigation import PAPER, Config
+from msgdrop_envs.navigation.rules import PAPER, Config, Navigation
 from tests.navigation_positions import EAST, FAR, NORTH, NOTHING, SOUTH, WEST, play, seen
 from tests.slow_navigation import Point
 
@@ -16,7 +16,7 @@ from tests.slow_navigation import Point
 def test_the_papers_games(name: str) -> None:
     """N = L = 8 or 10, R2- = 2 (l. 381), T = 25, 4N + 2 numbers (l. 759), everything own."""
     config = PAPER[name]
-    env = config.build(torch.device("cpu"))
+    env = Navigation(config, torch.device("cpu"))
     assert name == f"navigation-n{config.agents}"
     assert config.agents == config.landmarks == env.agents
     assert env.observation_size == 4 * config.agents + 2
@@ -79,7 +79,7 @@ def test_contact_force_is_along_the_line_between_them() -> None:
 def test_two_agents_head_on_come_to_rest_in_contact() -> None:
     """Pushing against each other they rest 0.25 apart (force 5 = 100 x 0.05) and keep paying."""
     config = Config(agents=2, landmarks=1)
-    env = config.build(torch.device("cpu"))
+    env = Navigation(config, torch.device("cpu"))
     state, transition = play([(-0.4, 0.0), (0.4, 0.0)], [(0.0, 0.0)], [EAST, WEST])
     for _ in range(60):
         state, transition = env.step(state, torch.tensor([EAST, WEST]), torch.zeros(0))
@@ -191,7 +191,7 @@ def test_absolute_locations() -> None:
 
 def test_games_start_at_rest_anywhere_in_the_square() -> None:
     """Uniform numbers 0, 1/2 and 3/4 are the coordinates -1, 0 and 1/2; agents come first."""
-    env = Config(agents=1, landmarks=2).build(torch.device("cpu"))
+    env = Navigation(Config(agents=1, landmarks=2), torch.device("cpu"))
     state = env.reset(torch.tensor([0.0, 0.5, 0.75, 0.25, 0.5, 0.5]))
     assert state.positions.tolist() == [[-1.0, 0.0]]
     assert state.velocities.tolist() == [[0.0, 0.0]]

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from msgdrop_envs.navigation import Config
+from msgdrop_envs.navigation.rules import Config
 from msgdrop_envs.parallel import parallel_env
 
 TWO = Config(agents=2, landmarks=2)

@@ -13,8 +13,8 @@ from pettingzoo.utils import parallel_to_aec
 
 from msgdrop_envs import parallel, registry
 from msgdrop_envs.parallel import ParallelGame, parallel_env
-from msgdrop_envs.pursuit import Config
-from msgdrop_envs.waterworld import Config as Waterworld
+from msgdrop_envs.pursuit.rules import Config
+from msgdrop_envs.waterworld.config import Config as Waterworld
 
 SETTINGS = sorted(registry.settings())
 STAY = 4

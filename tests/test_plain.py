@@ -16,7 +16,9 @@ from benchmarks.plain.navigation import Navigation
 from benchmarks.plain.training import Training
 from benchmarks.plain.waterworld import Waterworld
 from msgdrop_cli.algorithms.registry import learner_class
-from msgdrop_envs import navigation, registry, waterworld
+from msgdrop_envs import registry
+from msgdrop_envs.navigation import rules as navigation
+from msgdrop_envs.waterworld import config as waterworld
 from tests.navigation_positions import slow_games
 from tests.waterworld_positions import build, closing_in, random_states
 

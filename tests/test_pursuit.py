@@ -5,7 +5,7 @@ import random
 import pytest
 import torch
 
-from msgdrop_envs.pursuit import PAPER, Config
+from msgdrop_envs.pursuit.rules import PAPER, Config, Pursuit
 from tests.pursuit_positions import assert_equal_state, position, slow_game, stack
 from tests.slow_pursuit import Cell
 
@@ -42,7 +42,7 @@ def test_batched_game_equals_slow_game(config: Config) -> None:
     """Over 22,528 steps of each size: equal state, observation, reward, discount and counts."""
     paper = config in PAPER.values()
     rng, generator = random.Random(7), torch.Generator().manual_seed(7)
-    env = config.build(torch.device("cpu"))
+    env = Pursuit(config, torch.device("cpu"))
     catches = 0
     for _ in range(TRIALS if paper else 4):
         crowds = [crowd(config, rng) for _ in range(GAMES)]
@@ -76,7 +76,7 @@ def test_batched_reset_equals_slow_reset(config: Config) -> None:
     """Equal starting positions and first observations from equal uniform numbers."""
     generator = torch.Generator().manual_seed(3)
     uniforms = torch.randint(4096, (500, config.pursuers), generator=generator) / 4096
-    env = config.build(torch.device("cpu"))
+    env = Pursuit(config, torch.device("cpu"))
     state = env.reset(uniforms)
     slow = [slow_game(config, [], []) for _ in range(500)]
     for game, numbers in zip(slow, uniforms.tolist(), strict=True):
@@ -89,7 +89,7 @@ def test_batched_reset_equals_slow_reset(config: Config) -> None:
 @pytest.mark.parametrize("batch", [(), (4,), (2, 3), (2, 1, 3)])
 def test_leading_dimensions_change_nothing(batch: tuple[int, ...]) -> None:
     """Any batch shape gives the games that are played one by one, and keeps its shape."""
-    env = PAPER["pursuit-n6"].build(torch.device("cpu"))
+    env = Pursuit(PAPER["pursuit-n6"], torch.device("cpu"))
     generator = torch.Generator().manual_seed(1)
     start = torch.rand(*batch, env.reset_uniforms, generator=generator)
     actions = torch.randint(5, (*batch, env.agents), generator=generator)

@@ -5,7 +5,7 @@ import dataclasses
 import pytest
 import torch
 
-from msgdrop_envs.pursuit import PAPER, Config
+from msgdrop_envs.pursuit.rules import PAPER, Config, Pursuit
 from tests.pursuit_positions import (
     EAST,
     NORTH,
@@ -156,7 +156,7 @@ def test_captured_evader_is_in_nobodys_way() -> None:
     """Where an evader was captured, a pursuer may walk and sees nothing."""
     state = position([(5, 4)], [None, (9, 9)])
     state = dataclasses.replace(state, evaders=torch.tensor([[5, 5], [9, 9]]))
-    env = Config(pursuers=1, may_enter_evaders=False).build(torch.device("cpu"))
+    env = Pursuit(Config(pursuers=1, may_enter_evaders=False), torch.device("cpu"))
     state, transition = env.step(state, torch.tensor([EAST]), torch.tensor([0.9, 0.9]))
     assert state.pursuers.tolist() == [[5, 5]]
     assert not transition.obs[0, 49:98].any()
@@ -181,7 +181,7 @@ def test_window_shows_the_edge() -> None:
 def test_extreme_uniform_numbers_stay_on_the_map() -> None:
     """0 and the largest float32 below 1 pick the first and the last cell, and the last move."""
     for config in PAPER.values():
-        env = config.build(torch.device("cpu"))
+        env = Pursuit(config, torch.device("cpu"))
         below_one = 1 - 2.0**-24
         numbers = torch.tensor([0.0, below_one] * (config.pursuers // 2))
         state = env.reset(numbers)

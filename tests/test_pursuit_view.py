@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from msgdrop_envs.parallel import parallel_env
-from msgdrop_envs.pursuit import Config
+from msgdrop_envs.pursuit.rules import Config
 
 RING = [[4, 5], [5, 6], [5, 4], [6, 5], [0, 0], [14, 14]]
 """Six pursuers: four of them around (5, 5)."""

@@ -13,7 +13,7 @@ from tests.test_environments import SETTINGS, assert_same
 def play(config: Any, policy: str, games: int) -> dict[str, Tensor]:
     """Whole episodes: the counts of each game, its return and its steps, [games] each."""
     env = registry.make(config)
-    act = env.references()[policy].act
+    act = registry.baselines(env)[policy].act
     generator = torch.Generator().manual_seed(2)
     fresh = torch.rand(games, env.reset_uniforms, generator=generator)
     state = autoreset.start(env, fresh, torch.zeros(games, dtype=torch.int64))
@@ -76,18 +76,18 @@ def test_waterworld_catches_what_the_trials_caught(policy: str, least: float, mo
 def test_every_game_has_policies_that_fit_it(name: str) -> None:
     """Random play, doing nothing and a scripted one act in any batch, and repeatably."""
     env = registry.make(name)
-    references = env.references()
-    assert {"random", "nothing", "scripted"} <= set(references)
+    baselines = registry.baselines(env)
+    assert {"random", "nothing", "scripted"} <= set(baselines)
     generator = torch.Generator().manual_seed(3)
     shape = (2, 3, env.agents, max(1, env.action_size))
     numbers = torch.rand(shape, generator=generator)
     state = env.reset(torch.rand(2, 3, env.reset_uniforms, generator=generator))
     chance = torch.rand(2, 3, env.step_uniforms, generator=generator)
-    for reference in references.values():
-        actions = reference.act(state, numbers)
+    for baseline in baselines.values():
+        actions = baseline.act(state, numbers)
         assert actions.shape == (shape if env.action_size else shape[:3])
-        assert reference.meaning
-        once, again = (env.step(state, reference.act(state, numbers), chance)[1] for _ in range(2))
+        assert baseline.meaning
+        once, again = (env.step(state, baseline.act(state, numbers), chance)[1] for _ in range(2))
         assert_same(once, again)
-    random = references["random"].act
+    random = baselines["random"].act
     assert not torch.equal(random(state, numbers), random(state, numbers.flip(0)))

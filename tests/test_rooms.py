@@ -8,7 +8,8 @@ import os
 import subprocess
 import sys
 import tomllib
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -71,10 +72,15 @@ def room_of(name: str) -> str:
     return room if room in ORDER and first in SOURCE_ROOTS else ""
 
 
+def module_of_file(path: Path) -> str:
+    """The name that a file is imported by; a package ends in `__init__`."""
+    root = next(root for name, root in SOURCE_ROOTS.items() if (ROOT / root / name) in path.parents)
+    return ".".join(path.relative_to(ROOT / root).with_suffix("").parts)
+
+
 def room_of_file(path: Path) -> str:
     """The room that a file stands in."""
-    root = next(root for name, root in SOURCE_ROOTS.items() if (ROOT / root / name) in path.parents)
-    return room_of(".".join(path.relative_to(ROOT / root).with_suffix("").parts))
+    return room_of(module_of_file(path))
 
 
 def wrong_way(source: str, room: str) -> list[Import]:
@@ -92,6 +98,26 @@ def warming(source: str, room: str) -> list[Import]:
         for i in imports(ast.parse(source))
         if (i.root in HEAVY or room_of(i.name) in WARM) and (i.when_loaded or room in TORCH_FREE)
     ]
+
+
+def circle(sources: Mapping[str, str]) -> list[str]:
+    """Modules that import each other in turn, wherever the imports stand; sources by module."""
+    known = {name.removesuffix(".__init__") for name in sources}
+    graph = {
+        name.removesuffix(".__init__"): {
+            module
+            for i in imports(ast.parse(source))
+            for module in (i.name, i.name.rpartition(".")[0])
+            if module in known
+        }
+        for name, source in sources.items()
+    }
+    try:
+        TopologicalSorter(graph).prepare()
+    except CycleError as error:
+        modules: list[str] = error.args[1]
+        return modules
+    return []
 
 
 def long_functions(source: str) -> list[tuple[str, int]]:
@@ -153,6 +179,23 @@ def test_a_heavy_import_is_noticed(source: str, room: str, caught: bool) -> None
     assert bool(warming(source, room)) == caught
 
 
+@pytest.mark.parametrize(
+    "back",
+    [
+        "from a.rules import State",
+        "from a import rules",
+        "import a.rules",
+        "def f():\n    from a import rules",
+        "from typing import TYPE_CHECKING\nif TYPE_CHECKING:\n    from a.rules import State",
+    ],
+)
+def test_a_circle_is_noticed(back: str) -> None:
+    """Imports for types and inside functions count; a package that is imported from does not."""
+    sources = {"a.__init__": "", "a.rules": "from a.view import View", "a.view": "import torch"}
+    assert circle(sources) == []
+    assert set(circle({**sources, "a.view": back})) == {"a.rules", "a.view"}
+
+
 def test_a_long_function_is_noticed() -> None:
     """Fifty lines pass, fifty-one do not, and methods count."""
     body = "        x = 1\n"
@@ -176,6 +219,11 @@ def test_imports_go_to_the_right() -> None:
     """A room imports only rooms to its right, inside functions too."""
     in_rooms = [path for path in PRODUCT if room_of_file(path)]
     assert found(in_rooms, lambda path: wrong_way(path.read_text(), room_of_file(path))) == {}
+
+
+def test_no_files_import_each_other() -> None:
+    """There is no circle between files, imports for types and inside functions included."""
+    assert circle({module_of_file(path): path.read_text() for path in PRODUCT}) == []
 
 
 def test_cold_rooms_load_nothing_heavy() -> None:

@@ -11,8 +11,8 @@ from torch import Tensor
 from msgdrop_cli.algorithms.dcc import NAMED, Config
 from msgdrop_cli.definition.spec import RunSpec, TrainingSpec
 from msgdrop_cli.engine.training import Training
-from msgdrop_envs import pursuit
 from msgdrop_envs.protocol import Transition
+from msgdrop_envs.pursuit import rules as pursuit
 
 
 def _spec(seed: int = 1, *, games: int = 8, time_limit: int = 30, **changes: Any) -> RunSpec:

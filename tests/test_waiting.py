@@ -10,7 +10,7 @@ from torch import Tensor
 
 from msgdrop_envs import autoreset, registry
 from msgdrop_envs.protocol import Transition
-from msgdrop_envs.waterworld import PAPER, Config
+from msgdrop_envs.waterworld.config import PAPER, Config
 from tests.test_environments import random_actions
 from tests.waterworld_positions import build, closing_in, random_states
 

@@ -10,8 +10,9 @@ import itertools
 import pytest
 import torch
 
-from msgdrop_envs.waterworld import PAPER, Config, State
-from msgdrop_envs.waterworld_places import outside
+from msgdrop_envs.waterworld.config import PAPER, Config
+from msgdrop_envs.waterworld.places import outside
+from msgdrop_envs.waterworld.rules import State
 from tests.slow_waterworld import SlowWaterworld
 from tests.waterworld_positions import (
     build,

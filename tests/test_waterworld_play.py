@@ -4,7 +4,7 @@ import dataclasses
 
 import pytest
 
-from msgdrop_envs.waterworld import PAPER
+from msgdrop_envs.waterworld.config import PAPER
 from tests.test_reference_policies import play
 
 

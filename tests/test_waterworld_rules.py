@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 import torch
 
-from msgdrop_envs.waterworld import PAPER, Config
+from msgdrop_envs.waterworld.config import PAPER, Config
 from tests.slow_waterworld import Vector
 from tests.waterworld_positions import FAR, at_rest, build, params, play, state_of
 

@@ -10,7 +10,7 @@ import pytest
 import torch
 from torch import Tensor
 
-from msgdrop_envs.waterworld import PAPER, Config
+from msgdrop_envs.waterworld.config import PAPER, Config
 from tests.slow_waterworld import Vector
 from tests.waterworld_positions import FAR, at_rest, build, params, sensor_block, state_of
 

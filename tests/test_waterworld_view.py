@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from msgdrop_envs.parallel import parallel_env
-from msgdrop_envs.waterworld import Config
+from msgdrop_envs.waterworld.config import Config
 
 SMALL = Config(pursuers=2, catchers=2, food=1, poison=1)
 STATE: dict[str, Any] = {

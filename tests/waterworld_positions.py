@@ -8,7 +8,8 @@ import torch
 from torch import Tensor
 
 from msgdrop_envs.protocol import Transition
-from msgdrop_envs.waterworld import Config, State, Waterworld
+from msgdrop_envs.waterworld.config import Config
+from msgdrop_envs.waterworld.rules import State, Waterworld
 from tests.slow_waterworld import Disc, SlowWaterworld, Vector
 
 FAR = (0.02, 0.02)
@@ -19,7 +20,7 @@ NOWHERE = 0.4375
 
 def build(config: Config) -> Waterworld:
     """The batched game."""
-    return config.build(torch.device("cpu"))
+    return Waterworld(config, torch.device("cpu"))
 
 
 def state_of(*discs: tuple[Vector, Vector]) -> State:

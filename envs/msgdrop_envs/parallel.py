@@ -8,13 +8,13 @@ from collections.abc import Mapping
 from dataclasses import fields
 from difflib import get_close_matches
 from operator import index
-from typing import Any, Protocol
+from typing import Any
 
 import torch
 from torch import Tensor
 
 from msgdrop_envs import registry
-from msgdrop_envs.protocol import Environment
+from msgdrop_envs.protocol import Environment, View
 
 try:
     import numpy as np
@@ -27,43 +27,12 @@ RENDER_MODES = ("human", "rgb_array", "ansi")
 ByAgent = dict[str, Any]
 
 
-class View(Protocol):
-    """One game without batch dimensions, for people; its states are the environment's own."""
-
-    version: int
-    """Bumped with every change of dynamics, reward or observation."""
-    agent_names: tuple[str, ...]
-    observation_bounds: tuple[float, float]
-    """The least and the largest number that an observation can hold."""
-    state_bounds: tuple[float, float]
-    """The same of a state."""
-
-    def state_from_dict(self, given: Any) -> Any:
-        """Read a state from plain lists and numbers; ValueError where it is none."""
-
-    def state_to_dict(self, state: Any) -> dict[str, Any]:
-        """Write a state as `state_from_dict` reads it."""
-
-    def render_rgb(self, state: Any) -> Tensor:
-        """A picture [height, width, 3] uint8."""
-
-    def render_text(self, state: Any) -> str:
-        """A few lines of text."""
-
-
-class ViewedEnvironment(Environment, Protocol):
-    """An environment that one can look at."""
-
-    def view(self) -> View:
-        """How its games are named, written down and drawn."""
-
-
 def parallel_env(name: Any, render_mode: str | None = None) -> "ParallelGame":
     """One game, e.g. `parallel_env("pursuit-n6")`; `name` may also be an environment's Config.
 
     render_mode: "rgb_array" and "ansi" are what `render()` returns; "human" prints the text of
     "ansi" on stdout at every reset and step, which needs no display, and opens no window.
-    Raises: ValueError for an unknown name or mode.
+    Raises: ValueError for an unknown name or mode, or a game without a `view.py`.
     """
     settings = registry.settings()
     if isinstance(name, str) and name not in settings:
@@ -72,18 +41,21 @@ def parallel_env(name: Any, render_mode: str | None = None) -> "ParallelGame":
         raise ValueError(f"unknown environment {name!r}; {hint}")
     if render_mode not in (None, *RENDER_MODES):
         raise ValueError(f"render_mode must be one of {RENDER_MODES} or None, not {render_mode!r}")
-    environment: Any = registry.make(name)
-    title = name if isinstance(name, str) else type(name).__module__.rsplit(".", 1)[-1]
-    return ParallelGame(environment, title, render_mode)
+    config = settings[name] if isinstance(name, str) else name
+    view = registry.view(config)
+    if view is None:
+        raise ValueError(f"{registry.game(config)} cannot be shown: there is no view.py beside it")
+    title = name if isinstance(name, str) else registry.game(config)
+    return ParallelGame(registry.make(config), view, title, render_mode)
 
 
 class ParallelGame(ParallelEnv):  # type: ignore[misc]  # it ships no types
     """One game; `reset(seed)` seeds a NumPy generator, from which every later number is drawn."""
 
     def __init__(
-        self, environment: ViewedEnvironment, title: str, render_mode: str | None = None
+        self, environment: Environment, view: View, title: str, render_mode: str | None = None
     ) -> None:
-        self._env, self._view = environment, environment.view()
+        self._env, self._view = environment, view
         self.render_mode = render_mode
         self.metadata = {
             "name": f"{title.replace('-', '_')}_v{self._view.version}",

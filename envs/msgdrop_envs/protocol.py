@@ -44,7 +44,7 @@ class Metric:
     meaning: str
 
 
-class Reference(NamedTuple):
+class Baseline(NamedTuple):
     """A policy that learns nothing and may see everything: a line that a learner has to cross."""
 
     act: Callable[[Any, Tensor], Tensor]
@@ -86,14 +86,35 @@ class Environment(Protocol):
     def observe(self, state: Any) -> Tensor:
         """What each agent sees, [..., N, O]."""
 
-    def references(self) -> Mapping[str, Reference]:
-        """Random play, doing nothing, and a scripted policy, by name."""
+
+class View(Protocol):
+    """One game without batch dimensions, for people; its states are the environment's own."""
+
+    version: int
+    """Bumped with every change of dynamics, reward or observation."""
+    agent_names: tuple[str, ...]
+    observation_bounds: tuple[float, float]
+    """The least and the largest number that an observation can hold."""
+    state_bounds: tuple[float, float]
+    """The same of a state."""
+
+    def state_from_dict(self, given: Any) -> Any:
+        """Read a state from plain lists and numbers; ValueError where it is none."""
+
+    def state_to_dict(self, state: Any) -> dict[str, Any]:
+        """Write a state as `state_from_dict` reads it."""
+
+    def render_rgb(self, state: Any) -> Tensor:
+        """A picture [height, width, 3] uint8."""
+
+    def render_text(self, state: Any) -> str:
+        """A few lines of text."""
 
 
-def random_play(env: Environment) -> Reference:
+def random_play(env: Environment) -> Baseline:
     """Every agent anything, at every step."""
     if env.action_size:
-        return Reference(lambda state, uniforms: 2.0 * uniforms - 1.0, "any push, every step")
-    return Reference(
+        return Baseline(lambda state, uniforms: 2.0 * uniforms - 1.0, "any push, every step")
+    return Baseline(
         lambda state, uniforms: (uniforms[..., 0] * env.actions).long(), "any action, every step"
     )

@@ -73,7 +73,7 @@ def _sections(name: str, package: str, table: str) -> Iterator[Section]:
     """The modules of a package that have a table of names, which is how a registry finds them."""
     found = find_spec(package)
     for folder in (found.submodule_search_locations if found else None) or ():
-        for file in sorted(Path(folder).glob("*.py")):
+        for file in sorted(Path(folder).rglob("*.py")):
             text = file.read_text()
             if f"\n{table}" not in text:  # most files need no parsing
                 continue

@@ -12,7 +12,7 @@ from msgdrop_cli.engine.facts import commit
 from msgdrop_cli.engine.randomness import Streams
 from msgdrop_cli.engine.training import ratio
 from msgdrop_envs import autoreset, registry
-from msgdrop_envs.protocol import Environment, Reference
+from msgdrop_envs.protocol import Baseline, Environment
 
 EPISODES = 200
 """Of each policy; they start as the evaluation of a run with this seed does."""
@@ -28,19 +28,19 @@ def play_references(spec: dict[str, Any], where: str) -> dict[str, Any]:
     """
     env = registry.make(spec_from_dict(spec, catalogue(), where).environment_config)
     policies = {
-        name: {"meaning": reference.meaning, "metrics": _play(env, reference)}
-        for name, reference in env.references().items()
+        name: {"meaning": baseline.meaning, "metrics": _play(env, baseline)}
+        for name, baseline in registry.baselines(env).items()
     }
     return {"episodes": EPISODES, "seed": SEED, "commit": commit(), "policies": policies}
 
 
 @arithmetic.settled()
-def _play(env: Environment, reference: Reference) -> dict[str, float | None]:
+def _play(env: Environment, baseline: Baseline) -> dict[str, float | None]:
     streams = Streams([SEED])
     shape = (EPISODES, env.agents, max(1, env.action_size))
 
     def act(games: autoreset.Games, playing: Tensor) -> Tensor:
-        return reference.act(games.state, streams.uniforms("explore", *shape)[:, playing])
+        return baseline.act(games.state, streams.uniforms("explore", *shape)[:, playing])
 
     table = play_episodes(env, act, streams, EPISODES)
     assert table is not None  # nobody stops it

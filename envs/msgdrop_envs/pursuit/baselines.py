@@ -5,18 +5,18 @@ from collections.abc import Mapping
 import torch
 from torch import Tensor
 
-from msgdrop_envs.protocol import Reference, random_play
-from msgdrop_envs.pursuit import MOVES, Pursuit, State
+from msgdrop_envs.protocol import Baseline, random_play
+from msgdrop_envs.pursuit.rules import MOVES, Pursuit, State
 
 STAY = len(MOVES) - 1
 
 
-def references(game: Pursuit) -> Mapping[str, Reference]:
+def baselines(game: Pursuit) -> Mapping[str, Baseline]:
     """Random play, doing nothing, and all pursuers round one evader after the other."""
     return {
         "random": random_play(game),
-        "nothing": Reference(_nothing, "everybody stays"),
-        "scripted": Reference(
+        "nothing": Baseline(_nothing, "everybody stays"),
+        "scripted": Baseline(
             _surround, "seeing everything, all take the sides of one evader, then of the next"
         ),
     }

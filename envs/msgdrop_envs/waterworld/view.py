@@ -9,7 +9,8 @@ import torch
 from torch import Tensor
 
 from msgdrop_envs.drawing import BACKGROUND, BLUE, FRAME, ORANGE, write
-from msgdrop_envs.waterworld import Config, State
+from msgdrop_envs.waterworld.config import Config
+from msgdrop_envs.waterworld.rules import State
 
 SIDE, BORDER = 720, 6
 """Pixels on a side of the square, and of frame around it."""

@@ -16,15 +16,11 @@ evaders, and 1 where the map has ended.
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import torch
 from torch import Tensor
 
-from msgdrop_envs.protocol import Metric, Reference, Transition
-
-if TYPE_CHECKING:
-    from msgdrop_envs.pursuit_view import PursuitView
+from msgdrop_envs.protocol import Metric, Transition
 
 MOVES = ((-1, 0), (0, 1), (0, -1), (1, 0), (0, 0))
 """(row, column) of North, East, West, South, Stay: the paper's order (l. 366)."""
@@ -63,10 +59,6 @@ class Config:
             raise ValueError("pursuers and evaders must be at most 255")
         if self.map_size < 3:
             raise ValueError(f"map_size must be at least 3, not {self.map_size}")
-
-    def build(self, device: torch.device) -> "Pursuit":
-        """The batched game with these rules on `device`."""
-        return Pursuit(self, device)
 
 
 PAPER = {
@@ -169,18 +161,6 @@ class Pursuit:
         slot = torch.add(east, south, alpha=self._window).add_(self._slots)
         slot.mul_(seen)  # the unseen add 0 to slot 0
         return obs.scatter_add_(-1, slot, seen.to(torch.uint8))
-
-    def references(self) -> Mapping[str, Reference]:
-        """Policies that learn nothing, by name."""
-        from msgdrop_envs.pursuit_references import references  # it imports this module
-
-        return references(self)
-
-    def view(self) -> "PursuitView":
-        """How one game is named, written down and drawn (`parallel.py` asks)."""
-        from msgdrop_envs.pursuit_view import PursuitView  # it imports this module
-
-        return PursuitView(self.config)
 
     def _move_pursuers(self, state: State, actions: Tensor) -> tuple[Tensor, Tensor]:
         goal = state.pursuers + self._moves[actions]

@@ -20,7 +20,7 @@ from msgdrop_envs.drawing import (
     ring,
     write,
 )
-from msgdrop_envs.navigation import Config, State
+from msgdrop_envs.navigation.rules import Config, State
 
 SIDE, BORDER, OUTLINE = 630, 6, 3
 """Pixels of a picture's side without its frame, of the frame, and of a circle's line."""

@@ -18,16 +18,13 @@ is not nearer than `sight` stands as (0, 0).
 from collections.abc import Mapping
 from dataclasses import dataclass
 from math import inf
-from typing import TYPE_CHECKING, Literal, NamedTuple
+from typing import Literal, NamedTuple
 
 import torch
 from torch import Tensor
 from torch.nn import functional
 
-from msgdrop_envs.protocol import Metric, Reference, Transition
-
-if TYPE_CHECKING:
-    from msgdrop_envs.navigation_view import NavigationView
+from msgdrop_envs.protocol import Metric, Transition
 
 PUSHES = ((0.0, 0.0), (1.0, 0.0), (-1.0, 0.0), (0.0, 1.0), (0.0, -1.0))
 """(x, y) of the five actions, in the order of MPE's one-hot actions."""
@@ -75,10 +72,6 @@ class Config:
             raise ValueError(f"collision_penalty must be 0 or more, not {self.collision_penalty}")
         if self.landmark_order not in ("fixed", "nearest"):
             raise ValueError(f"landmark_order must be fixed or nearest, not {self.landmark_order}")
-
-    def build(self, device: torch.device) -> "Navigation":
-        """The batched game with these rules on `device`."""
-        return Navigation(self, device)
 
 
 PAPER = {
@@ -170,18 +163,6 @@ class Navigation:
         Returns [..., N, 4 + 2L + 2(N-1)] float32.
         """
         return self._observation(state, self._to_others(state), self._to_landmarks(state))
-
-    def references(self) -> Mapping[str, Reference]:
-        """Policies that learn nothing, by name."""
-        from msgdrop_envs.navigation_references import references  # it imports this module
-
-        return references(self)
-
-    def view(self) -> "NavigationView":
-        """How one game is named, written down and drawn (`parallel.py` asks)."""
-        from msgdrop_envs.navigation_view import NavigationView  # it imports this module
-
-        return NavigationView(self.config)
 
     def _to_others(self, state: State) -> _Away:
         """From each agent to the N-1 others."""

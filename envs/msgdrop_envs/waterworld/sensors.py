@@ -11,16 +11,13 @@ A GPU, which would have to tell the host how many there are, looks at all of the
 """
 
 import math
-from typing import TYPE_CHECKING
 
 import torch
 from torch import Tensor
 
 from msgdrop_envs import waiting
-from msgdrop_envs.waterworld_planes import dot
-
-if TYPE_CHECKING:
-    from msgdrop_envs.waterworld import Config
+from msgdrop_envs.waterworld.config import Config
+from msgdrop_envs.waterworld.planes import dot
 
 CLASSES = 3
 """Allies, food, poison."""
@@ -30,7 +27,7 @@ UNMET = torch.iinfo(torch.int64).max
 class Sensors:
     """The sensors of all pursuers of any number of games; holds tables only."""
 
-    def __init__(self, config: "Config", device: torch.device) -> None:
+    def __init__(self, config: Config, device: torch.device) -> None:
         self.config = config
         rays, agents = config.sensors, config.pursuers
         self.size = 2 + 2 * CLASSES * rays + rays * config.senses_obstacle + 2 * config.senses_touch

@@ -5,19 +5,19 @@ from collections.abc import Mapping
 import torch
 from torch import Tensor
 
-from msgdrop_envs.navigation import DAMPING, DT, PUSHES, SENSITIVITY, Navigation, State
-from msgdrop_envs.protocol import Reference, random_play
+from msgdrop_envs.navigation.rules import DAMPING, DT, PUSHES, SENSITIVITY, Navigation, State
+from msgdrop_envs.protocol import Baseline, random_play
 
 AHEAD = 4
 """Steps that the scripted policy looks ahead."""
 
 
-def references(game: Navigation) -> Mapping[str, Reference]:
+def baselines(game: Navigation) -> Mapping[str, Baseline]:
     """Random play, never pushing, and a look a few steps ahead."""
     return {
         "random": random_play(game),
-        "nothing": Reference(_nothing, "nobody pushes"),
-        "scripted": Reference(
+        "nothing": Baseline(_nothing, "nobody pushes"),
+        "scripted": Baseline(
             lambda state, uniforms: _look_ahead(game, state),
             f"seeing everybody, each makes the push whose next {AHEAD} steps cost it least",
         ),

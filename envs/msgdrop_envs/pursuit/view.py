@@ -20,7 +20,7 @@ from msgdrop_envs.drawing import (
     paint,
     write,
 )
-from msgdrop_envs.pursuit import Config, State
+from msgdrop_envs.pursuit.rules import Config, State
 
 CELL, BORDER = 42, 6
 """Pixels on a side of a cell, and pixels of frame."""

@@ -5,23 +5,23 @@ from collections.abc import Mapping
 import torch
 from torch import Tensor
 
-from msgdrop_envs.protocol import Reference, random_play
-from msgdrop_envs.waterworld import State, Waterworld
+from msgdrop_envs.protocol import Baseline, random_play
+from msgdrop_envs.waterworld.rules import State, Waterworld
 
 MEETING_PLACE = (0.15, 0.5)
 """Between the obstacle and a wall."""
 
 
-def references(game: Waterworld) -> Mapping[str, Reference]:
+def baselines(game: Waterworld) -> Mapping[str, Baseline]:
     """Random play, doing nothing, meeting at one place, and hunting together."""
     return {
         "random": random_play(game),
-        "nothing": Reference(_nothing, "nobody pushes"),
-        "one place": Reference(
+        "nothing": Baseline(_nothing, "nobody pushes"),
+        "one place": Baseline(
             lambda state, uniforms: _steer(game, state, _meeting_place(state)),
             "all go to one fixed place and wait there",
         ),
-        "scripted": Reference(
+        "scripted": Baseline(
             lambda state, uniforms: _steer(game, state, _nearest_food(game, state)),
             "seeing everything, all go to the food nearest to their middle",
         ),

@@ -1,0 +1,1 @@
+"""Cooperative navigation: rules, pictures, and policies that learn nothing."""

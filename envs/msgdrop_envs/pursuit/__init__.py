@@ -1,0 +1,1 @@
+"""Pursuit: rules, pictures, and policies that learn nothing."""

@@ -1,0 +1,1 @@
+"""Waterworld: rules and their parts, pictures, and policies that learn nothing."""
