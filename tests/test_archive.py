@@ -125,6 +125,16 @@ def test_run_too_large_alone_is_refused(tmp_path: Path, monkeypatch: pytest.Monk
     assert [place.split("-")[-2] for place in contents(tmp_path / "q-01.zip")] == ["s2"]
 
 
+def test_an_archives_runs_are_counted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The next one takes the others, whatever room is left."""
+    monkeypatch.setattr(archive, "MOST_RUNS", 2)
+    records = [trained(tmp_path / "there", "dcc", seed) for seed in (1, 2, 3)]
+    paths = pack(records, tmp_path, "q")
+    assert [len(contents(path)) for path in paths] == [2, 1]
+    monkeypatch.setattr(archive, "MOST_RUNS", 0)
+    assert "it holds too many files" in refused(paths[0], tmp_path / "here")
+
+
 @pytest.mark.parametrize("length", [0, 1, 100, -1, -30, -200])
 def test_truncated_archive_is_refused(tmp_path: Path, length: int) -> None:
     """An archive that was cut anywhere is no archive."""

@@ -10,7 +10,7 @@ import pytest
 import torch
 
 from msgdrop_cli.commands import importing
-from msgdrop_cli.engine.tensors import write_tensors
+from msgdrop_cli.engine.tensors import read_tensors, write_tensors
 from msgdrop_cli.records.archive import install, pack, write_archive
 from msgdrop_cli.records.store import RunRecord, find_run, list_runs
 from tests.cli_runs import Said, Store, filled_store, msgdrop
@@ -212,6 +212,18 @@ def test_policy_of_other_networks_is_refused(one: RunRecord, tmp_path: Path) -> 
     said = imported(one, tmp_path)
     assert said.code == 2
     assert "policy.safetensors: does not fit this run" in said.err
+
+
+@pytest.mark.parametrize("weight", ["nan", "inf"])
+def test_policy_that_is_no_number_is_refused(one: RunRecord, tmp_path: Path, weight: str) -> None:
+    """It could not be evaluated; training never finishes with one."""
+    weights = read_tensors(one.path / "policy.safetensors")
+    next(iter(weights.values())).view(-1)[3] = float(weight)
+    write_tensors(one.path / "policy.safetensors", weights)
+    said = imported(one, tmp_path)
+    assert (said.code, said.out) == (2, "")
+    assert "policy.safetensors: is damaged: it holds weights that are not finite" in said.err
+    assert not (tmp_path / "results").exists()
 
 
 def test_slower_of_two_imports_finds_the_run(

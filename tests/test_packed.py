@@ -75,5 +75,5 @@ def test_what_unpacks_to_no_end_is_refused(log: Path, monkeypatch: pytest.Monkey
     """A few packed bytes cannot fill the memory."""
     monkeypatch.setattr(packed, "LARGEST_FILE", 20)
     log.unlink()
-    with pytest.raises(RecordError, match="is not a record of msgdrop"):
+    with pytest.raises(RecordError, match="it unpacks to more than 20 bytes"):
         read_log(log)

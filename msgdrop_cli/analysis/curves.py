@@ -10,6 +10,7 @@ from typing import NamedTuple
 from msgdrop_cli.analysis.statistics import Interval, bootstrap_band, mean
 from msgdrop_cli.errors import RecordError
 from msgdrop_cli.records.packed import log_file
+from msgdrop_cli.records.parsing import LARGEST_NUMBER
 from msgdrop_cli.records.store import METRICS, RunRecord
 
 SMOOTHING_SHARE = 0.05
@@ -77,6 +78,8 @@ def _windows(record: RunRecord, metric: str) -> list[Window]:
                 raise RecordError(
                     f"{log_file(record.path / METRICS)}: env_steps {end} does not follow {start}"
                 )
+            if value is not None and abs(value) > LARGEST_NUMBER:
+                raise ValueError(f"beyond {LARGEST_NUMBER:g}")
             if value is not None:
                 windows.append(Window(end, end - start, float(value)))
             start = end

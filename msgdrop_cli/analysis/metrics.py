@@ -4,14 +4,17 @@ A metric is a ratio of sums over raw episodes (rows of `episodes.jsonl`), no mea
 that a long episode weighs what it lasts.
 """
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
 from msgdrop_cli.definition.strict import Where, build, shown
 from msgdrop_cli.errors import DefinitionError, RecordError
+from msgdrop_cli.records.parsing import LARGEST_NUMBER
 from msgdrop_cli.records.store import RUN, RunRecord
+
+_MOST_METRICS = 32
+"""Of a record; our games have 5."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -52,8 +55,8 @@ class Metric:
         total = sum(row[self.count] for row in episodes)
         below = len(episodes) if self.per == "episodes" else sum(row[self.per] for row in episodes)
         value = self.scale * float(total) / float(below)
-        if not math.isfinite(value):
-            raise ValueError(f"{self.name} is not finite")
+        if not abs(value) <= LARGEST_NUMBER:  # nor NaN
+            raise ValueError(f"{self.name} is beyond {LARGEST_NUMBER:g}")
         return value
 
 
@@ -97,6 +100,8 @@ def metrics_of(record: RunRecord) -> Metrics:
     try:
         if not isinstance(table, dict):
             raise where.error(f"expected a table, not {shown(table)}")
+        if len(table) > _MOST_METRICS:
+            raise where.error(f"expected {_MOST_METRICS} metrics at most, not {len(table):,}")
         return Metrics(tuple(_metric(name, row, where.at(name)) for name, row in table.items()))
     except DefinitionError as error:
         raise RecordError(str(error)) from error

@@ -181,7 +181,11 @@ def _group(record: RunRecord) -> Group:
     spec = record.spec
     tables = [spec.get(name) for name in ("environment", "algorithm", "training")]
     length = spec["training"].get("train_env_steps") if isinstance(tables[2], dict) else None
-    if not all(isinstance(table, dict) for table in tables) or type(length) is not int:
+    if (
+        not all(isinstance(table, dict) for table in tables)
+        or type(length) is not int
+        or length < 1
+    ):
         raise RecordError(
             f"{record.path / 'run.json'}: spec needs tables environment, algorithm and training "
             "with a whole number train_env_steps"

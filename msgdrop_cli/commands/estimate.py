@@ -10,13 +10,14 @@ from pathlib import Path
 from statistics import median
 from typing import Any
 
+from msgdrop_cli.commands import console
 from msgdrop_cli.commands.shapes import Sizes, run_sizes
 from msgdrop_cli.commands.words import size
 from msgdrop_cli.definition.cohorts import group
 from msgdrop_cli.definition.run_id import spec_to_dict
 from msgdrop_cli.definition.spec import PlannedRun
 from msgdrop_cli.errors import DefinitionError, RecordError
-from msgdrop_cli.records.files import CANNOT_CREATE, CANNOT_WRITE
+from msgdrop_cli.records.files import CANNOT_CREATE, CANNOT_WRITE, take_lock
 from msgdrop_cli.records.store import RUNS, RunRecord, find_run
 
 _RULE, _RULE_COMPILED = (0.2, 0.11), (0.1, 0.027)
@@ -159,8 +160,9 @@ def check_folder(root: Path, needed_bytes: int) -> None:
     except OSError as error:
         raise RecordError(f"{root}: cannot be created: {error.strerror}", CANNOT_CREATE) from error
     try:
-        with tempfile.TemporaryFile(dir=root):
-            pass
+        with tempfile.TemporaryFile(dir=root) as probe:
+            if not take_lock(probe.fileno()):
+                console.note(f"{root}: has no locks: start no second command that trains here")
         free = shutil.disk_usage(root).free
     except OSError as error:
         raise RecordError(f"{root}: cannot be written: {error.strerror}", CANNOT_WRITE) from error

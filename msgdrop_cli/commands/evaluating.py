@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 from msgdrop_cli.analysis.summary import Summary
 from msgdrop_cli.commands import console
+from msgdrop_cli.commands.listing import runs_in
 from msgdrop_cli.commands.options import check_device
 from msgdrop_cli.commands.progress import Watch, Watched
 from msgdrop_cli.commands.words import several
@@ -40,7 +41,7 @@ def measurable_runs(
     listeners_only: without runs whose agents hear nobody when they act.
     Raises DefinitionError if none is there.
     """
-    done = [run for run in list_runs(root) if run.status == "done"]
+    done = [run for run in runs_in(root) if run.status == "done"]
     if listeners_only:
         listeners = [run for run in done if not _is_deaf(run)]
         _note_left_out(len(done) - len(listeners), "they hear nobody, so no link can break")

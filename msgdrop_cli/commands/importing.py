@@ -124,12 +124,13 @@ def _check_logs(record: RunRecord) -> None:
 
 
 def _check_policy(record: RunRecord, spec: RunSpec) -> None:
-    """Its tensors have the names and shapes of the run's networks."""
+    """Its tensors have the names and shapes of the run's networks, and are numbers."""
     from msgdrop_cli.algorithms.registry import learner_class
-    from msgdrop_cli.engine.tensors import copy_into, read_tensors
+    from msgdrop_cli.engine.tensors import check_finite, copy_into, read_tensors
     from msgdrop_envs import registry
 
     weights = read_tensors(record.path / POLICY)
+    check_finite(weights, record.path / POLICY)
     with on_no_device("its settings"):
         env = registry.make(spec.environment_config, "meta")
         learner = learner_class(spec.algorithm)([spec.algorithm_config], env, "meta")

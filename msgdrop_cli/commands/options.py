@@ -9,7 +9,7 @@ import typer
 from msgdrop_cli.commands import completion
 from msgdrop_cli.definition.load import list_definitions
 from msgdrop_cli.definition.plan import parse_seeds
-from msgdrop_cli.definition.spec import Definition
+from msgdrop_cli.definition.spec import MOST_EPISODES, Definition
 from msgdrop_cli.definition.strict import Where, whole_number
 from msgdrop_cli.errors import DefinitionError, nearest
 
@@ -170,8 +170,8 @@ def check_workers(workers: int) -> None:
 
 def check_episodes(episodes: int) -> None:
     """Refuse a number of evaluation episodes that cannot be meant."""
-    if not 1 <= episodes <= 1_000_000:
-        raise DefinitionError(f"--episodes: expected 1 to 1,000,000, not {episodes}")
+    if not 1 <= episodes <= MOST_EPISODES:
+        raise DefinitionError(f"--episodes: expected 1 to {MOST_EPISODES:,}, not {episodes}")
 
 
 def check_device_name(device: str) -> None:

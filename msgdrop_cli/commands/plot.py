@@ -5,8 +5,8 @@ from pathlib import Path
 import typer
 
 from msgdrop_cli.commands import console, options
+from msgdrop_cli.commands.listing import runs_in
 from msgdrop_cli.errors import DefinitionError
-from msgdrop_cli.records.store import list_runs
 
 app = typer.Typer()
 
@@ -24,7 +24,7 @@ def plot(results: options.Folder = Path("results"), json: options.Json = False) 
     from msgdrop_cli.report.figures import draw_all
     from msgdrop_cli.report.write import figures_folder
 
-    records = list_runs(results)
+    records = runs_in(results)
     summary = summarise(records, references=references_of(records, results))
     note_left_out(summary)
     paths = draw_all(summary, figures_folder(results))

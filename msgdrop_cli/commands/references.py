@@ -3,8 +3,10 @@
 from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
+from typing import Any, TypeGuard
 
 from msgdrop_cli.commands import console
+from msgdrop_cli.definition.spec import NAME
 from msgdrop_cli.errors import DefinitionError, RecordError
 from msgdrop_cli.records.references import (
     References,
@@ -20,17 +22,23 @@ def references_of(records: Sequence[RunRecord], root: Path) -> dict[str, Referen
     """The reference policies of every game among finished runs, by `game_key`.
 
     They are looked for below `root`, a results folder, and kept there if it can be written to.
-    A damaged file is noted and made again. A game that this program does not know has none.
+    A damaged file is noted and made again. A game that this program cannot play has none.
     """
     found: dict[str, References] = {}
     for record in records:
         game = record.spec.get("environment")
-        if record.status != "done" or not isinstance(game, dict) or game_key(game) in found:
+        if record.status != "done" or not _has_name(game) or game_key(game) in found:
             continue
         references = _kept(root, game_key(game)) or _played(record, root)
         if references is not None:
             found[game_key(game)] = references
     return found
+
+
+def _has_name(game: object) -> TypeGuard[dict[str, Any]]:
+    """Whether it is a table with a name that may become a file's."""
+    name = game.get("name") if isinstance(game, dict) else None
+    return isinstance(name, str) and NAME.fullmatch(name) is not None
 
 
 def _kept(root: Path, key: str) -> References | None:
@@ -47,8 +55,10 @@ def _played(record: RunRecord, root: Path) -> References | None:
     console.note(f"playing the reference policies of {record.environment}")
     try:
         table = play_references(record.spec, str(record.path / RUN))
-    except DefinitionError:
+        references = read_references(table, str(record.path / RUN))
+    except (DefinitionError, RecordError) as error:  # a record of another program, or of no game
+        console.note(f"{error}; figures and tables go without reference policies")
         return None
     with suppress(RecordError):  # a folder that is not ours: they are played again next time
         keep_references(root, game_key(record.spec["environment"]), table)
-    return read_references(table, "references")
+    return references

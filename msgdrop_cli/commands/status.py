@@ -10,8 +10,9 @@ from typing import Any
 import typer
 
 from msgdrop_cli.commands import console, options
+from msgdrop_cli.commands.listing import runs_in
 from msgdrop_cli.commands.words import duration, several
-from msgdrop_cli.records.store import PROGRESS, RunRecord, list_runs
+from msgdrop_cli.records.store import PROGRESS, RunRecord
 
 app = typer.Typer()
 
@@ -31,7 +32,7 @@ def status(results: options.Folder = Path("results"), json: options.Json = False
     """
     from msgdrop_cli.commands.progress import progress
 
-    lines = [_line(record, progress(record.path)) for record in list_runs(results)]
+    lines = [_line(record, progress(record.path)) for record in runs_in(results)]
     lines.sort(key=lambda line: not line["own"])  # stays sorted by path among its own kind
     if json:
         console.result_json(lines)

@@ -7,6 +7,10 @@ from typing import Any, Literal
 
 NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,63}")
 """Names of definitions, variants, profiles and environments: they become names of folders."""
+MOST_LOG_ROWS = 100_000
+"""Rows of a log: more are refused before they are written, and when they are read."""
+MOST_EPISODES = 10_000
+"""Of one evaluation; a log has room for ten of them."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -31,6 +35,10 @@ class TrainingSpec:
         ):
             if getattr(self, name) < 1:
                 raise ValueError(f"{name} must be at least 1, not {getattr(self, name)}")
+        if self.train_env_steps > MOST_LOG_ROWS * self.log_every_env_steps:
+            raise ValueError(
+                f"log_every_env_steps must be at least train_env_steps / {MOST_LOG_ROWS:,}"
+            )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -123,6 +131,11 @@ class Profile:
         if self.evaluation_episodes < 1:
             raise ValueError(
                 f"evaluation_episodes must be at least 1, not {self.evaluation_episodes}"
+            )
+        if self.evaluation_episodes > MOST_EPISODES:
+            raise ValueError(
+                f"evaluation_episodes must be at most {MOST_EPISODES:,},"
+                f" not {self.evaluation_episodes}"
             )
         if self.broken_links is not None:
             check_fractions(self.broken_links)

@@ -166,7 +166,9 @@ def whole_number(text: str) -> int:
 
 def one_line(text: str) -> str:
     """`text` without control characters and line breaks, fit for a terminal."""
-    return " ".join("".join(c if c.isprintable() else " " for c in text).split())
+    if not text.isprintable():
+        text = "".join(c if c.isprintable() else " " for c in text)
+    return " ".join(text.split())
 
 
 def shown(value: Any) -> str:

@@ -15,11 +15,11 @@ from torch import Tensor
 
 from msgdrop_cli.algorithms.registry import learner_class
 from msgdrop_cli.definition.run_id import spec_from_dict
-from msgdrop_cli.definition.spec import RunSpec
+from msgdrop_cli.definition.spec import MOST_LOG_ROWS, RunSpec
 from msgdrop_cli.engine import arithmetic
 from msgdrop_cli.engine.catalogue import catalogue
 from msgdrop_cli.engine.randomness import Streams
-from msgdrop_cli.engine.tensors import copy_into, read_tensors
+from msgdrop_cli.engine.tensors import check_finite, copy_into, read_tensors
 from msgdrop_cli.errors import DefinitionError, RecordError
 from msgdrop_cli.ops.links import broken_links as break_links
 from msgdrop_cli.ops.links import link_count
@@ -51,8 +51,7 @@ def evaluate(
     file = run_path / POLICY
     weights = read_tensors(file)
     copy_into(learner.policy(0), weights, file)
-    if not all(bool(tensor.isfinite().all()) for tensor in weights.values()):
-        raise RecordError(f"{file}: is damaged: it holds weights that are not finite")
+    check_finite(weights, file)
     streams = Streams([spec.seed], device)
     numbers = streams.uniforms("links", episodes, link_count(env.agents) + 1)
     keep = break_links(numbers, broken_links, env.agents) if broken_links > 0 else None
@@ -86,12 +85,17 @@ def evaluate_run(
         record = list_runs(run_path)[0]  # again: somebody may have played them meanwhile
         if record.has_episodes([broken_links], episodes):
             return 0
+        others = [row for row in record.episodes() if row["broken_links"] != broken_links]
+        if len(others) + episodes > MOST_LOG_ROWS:
+            problem = f"has {len(others):,} episodes of other channels; no more than"
+            raise RecordError(
+                f"{run_path / EPISODES}: {problem} {MOST_LOG_ROWS:,} are kept of a run"
+            )
         rows = evaluate(
             run_path, broken_links=broken_links, episodes=episodes, device=device, stop=stop
         )
         if not rows:
             return 0
-        others = [row for row in record.episodes() if row["broken_links"] != broken_links]
         ordered = sorted([*others, *rows], key=lambda row: (row["broken_links"], row["episode"]))
         write_jsonl_atomic(run_path / EPISODES, ordered)
         return len(rows)

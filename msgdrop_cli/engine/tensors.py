@@ -44,6 +44,12 @@ def read_tensors(path: Path) -> dict[str, Tensor]:
     return parse_tensors(read_bytes(path, LARGEST_FILE), path)
 
 
+def check_finite(tensors: Mapping[str, Tensor], path: Path) -> None:
+    """Refuse (RecordError, 2) weights that no sound training leaves behind."""
+    if not all(bool(tensor.isfinite().all()) for tensor in tensors.values()):
+        raise RecordError(f"{path}: is damaged: it holds weights that are not finite")
+
+
 def copy_into(views: Mapping[str, Tensor], tensors: Mapping[str, Tensor], path: Path) -> None:
     """Copy each tensor into the view of its name; RecordError (2) unless all fit exactly."""
     check_fit(views, tensors, path)

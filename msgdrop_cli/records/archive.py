@@ -24,12 +24,13 @@ from msgdrop_cli.errors import RecordError
 from msgdrop_cli.records.files import (
     CANNOT_CREATE,
     CANNOT_WRITE,
+    LARGEST_FILE,
     TEMPORARY,
-    parse_json,
     read_bytes,
     sync_folder,
     write_bytes_atomic,
 )
+from msgdrop_cli.records.parsing import RECORD, TABLE, parse_json
 from msgdrop_cli.records.seals import fingerprint, seal
 from msgdrop_cli.records.store import EPISODES, METRICS, POLICY, RUN, RunRecord, list_runs
 from msgdrop_cli.signals import scratch_folder
@@ -38,10 +39,14 @@ SCHEMA = 1
 MANIFEST = "MANIFEST.json"
 LARGEST_ARCHIVE = 15_000_000
 """Bytes of an archive; no larger one is read either."""
-LARGEST_CONTENT = 300_000_000
-"""Bytes of an archive's files together: twenty times as many, numbers shrink to a twelfth."""
+LARGEST_CONTENT = 100_000_000
+"""Bytes of an archive's files together; numbers shrink to a twelfth at most, policies hardly."""
+MOST_RUNS = 256
+"""Of an archive; so many of the smallest fill one."""
 FILES = (METRICS, EPISODES, POLICY, RUN)
 """What is carried of each run. `run.json` comes last: without it a folder is no run."""
+_LARGEST = {RUN: RECORD.size, MANIFEST: TABLE.size}
+"""Bytes of one file, where it is not LARGEST_FILE as for logs and policies."""
 _PLACE = re.compile(rf"{NAME.pattern}/[A-Za-z0-9][A-Za-z0-9._-]{{0,99}}")
 _OVERHEAD = 4_096
 """Bytes that names, digests and zip's own headers take at most, a run."""
@@ -118,15 +123,16 @@ def unpack(path: Path, folder: Path) -> list[RunRecord]:
     Raises RecordError (2): it is no archive of msgdrop, or damaged, or holds something else.
     """
     with _opened(path) as archive:
-        runs = _manifest(archive, path)
         files = {
-            (place, name): _content(archive, f"{place}/{name}", expected, path)
-            for place, run in runs.items()
+            f"{place}/{name}": expected
+            for place, run in _manifest(archive, path).items()
             for name, expected in run.items()
         }
-    for (place, name), content in files.items():
-        (folder / place).mkdir(parents=True, exist_ok=True)
-        (folder / place / name).write_bytes(content)
+        # Twice: all are checked before the first is written, and need not fit into the memory.
+        for name, expected in files.items():
+            _content(archive, name, expected, path)
+        for name, expected in files.items():
+            _write(folder / name, _content(archive, name, expected, path))
     try:
         return list_runs(folder)
     except RecordError as error:
@@ -162,13 +168,14 @@ def _bins(records: Sequence[RunRecord]) -> tuple[list[list[RunRecord]], list[Run
     too_large: list[RunRecord] = []
     packed = plain = 0
     for record in records:
-        files = _files(record).values()
-        small = sum(len(zlib.compress(content)) for content in files) + _OVERHEAD
-        large = sum(map(len, files)) + _OVERHEAD
+        files = _files(record)
+        small = sum(len(zlib.compress(content)) for content in files.values()) + _OVERHEAD
+        large = sum(map(len, files.values())) + _OVERHEAD
         if small > LARGEST_ARCHIVE or large > LARGEST_CONTENT:
             too_large.append(record)
             continue
-        if not bins or packed + small > LARGEST_ARCHIVE or plain + large > LARGEST_CONTENT:
+        is_full = packed + small > LARGEST_ARCHIVE or plain + large > LARGEST_CONTENT
+        if not bins or is_full or len(bins[-1]) == MOST_RUNS:
             bins.append([])
             packed = plain = 0
         bins[-1].append(record)
@@ -192,6 +199,8 @@ def _add(archive: zipfile.ZipFile, name: str, content: bytes) -> None:
 def _opened(path: Path) -> Iterator[zipfile.ZipFile]:
     """The zip at `path`; everything that zipfile raises becomes a RecordError."""
     content = read_bytes(path, LARGEST_ARCHIVE)
+    if content.count(b"PK\x01\x02") > 1 + len(FILES) * (MOST_RUNS + 1):  # one before each name
+        raise _bad(path, "is no archive of msgdrop: it holds too many files")
     try:
         with zipfile.ZipFile(io.BytesIO(content)) as archive:
             yield archive
@@ -230,6 +239,9 @@ def _safe_names(archive: zipfile.ZipFile, path: Path) -> set[str]:
     if sum(entry.file_size for entry in entries) > LARGEST_CONTENT:
         raise _bad(path, f"would unpack to more than {LARGEST_CONTENT:,} bytes")
     for entry in entries:
+        largest = _LARGEST.get(entry.filename.rpartition("/")[2], LARGEST_FILE)
+        if entry.file_size > largest:
+            raise _bad(path, f"{entry.filename[:99]!r} would unpack to more than {largest:,} bytes")
         mode = entry.external_attr >> 16
         if entry.is_dir() or (stat.S_IFMT(mode) and not stat.S_ISREG(mode)):
             raise _bad(path, f"{entry.filename[:99]!r} is a folder, link or device, not a file")
@@ -249,6 +261,15 @@ def _content(archive: zipfile.ZipFile, name: str, expected: object, path: Path) 
     if fingerprint(content) != expected:
         raise _bad(path, f"{name} is damaged: it is not what {MANIFEST} says")
     return content
+
+
+def _write(file: Path, content: bytes) -> None:
+    try:
+        file.parent.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        message = one_line(f"{file.parent}: cannot be created: {error.strerror}")
+        raise RecordError(message, CANNOT_CREATE) from error
+    write_bytes_atomic(file, content, durable=False)
 
 
 def _bad(path: Path, problem: str) -> RecordError:

@@ -5,6 +5,7 @@ The id is of the environment's settings, so a game with other rules has numbers 
 
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
+from errno import ELOOP
 from glob import escape
 from pathlib import Path
 from typing import Any
@@ -13,9 +14,12 @@ from msgdrop_cli.definition.run_id import short_hash
 from msgdrop_cli.definition.strict import Where, build, one_line
 from msgdrop_cli.errors import DefinitionError, RecordError
 from msgdrop_cli.records.files import CANNOT_CREATE, read_json, write_json_atomic
+from msgdrop_cli.records.parsing import LARGEST_NUMBER
 
 REFERENCES = "references"
 """The folder of these files in a results folder."""
+_MOST = 32
+"""Policies of a game, metrics of a policy; real ones have 3 and 5."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -27,8 +31,11 @@ class Policy:
     """The environment's metrics by name; None where there was nothing to divide by."""
 
     def __post_init__(self) -> None:
-        if not self.metrics:
-            raise ValueError("metrics are empty")
+        if not 1 <= len(self.metrics) <= _MOST:
+            raise ValueError(f"expected 1 to {_MOST} metrics")
+        for name, value in self.metrics.items():
+            if value is not None and abs(value) > LARGEST_NUMBER:
+                raise ValueError(f"{name} is beyond {LARGEST_NUMBER:g}")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -42,8 +49,8 @@ class References:
     policies: Mapping[str, Policy]
 
     def __post_init__(self) -> None:
-        if self.episodes < 1 or not self.policies:
-            raise ValueError("expected at least one episode and one policy")
+        if self.episodes < 1 or not 1 <= len(self.policies) <= _MOST:
+            raise ValueError(f"expected at least one episode, and 1 to {_MOST} policies")
 
 
 def game_key(environment: Mapping[str, Any]) -> str:
@@ -95,6 +102,8 @@ def keep_references(root: Path, key: str, table: Mapping[str, Any]) -> Path:
         raise RecordError(one_line(f"{folder}: is a symbolic link"), CANNOT_CREATE)
     try:
         folder.mkdir(parents=True, exist_ok=True)
+        if folder.is_symlink():
+            raise OSError(ELOOP, "it is a symbolic link")
     except OSError as error:
         message = one_line(f"{folder}: cannot be created: {error.strerror}")
         raise RecordError(message, CANNOT_CREATE) from error

@@ -1,33 +1,31 @@
 """Run folders: `runs/<environment>/<variant>-s<seed>-<id>/` with `run.json` and the logs.
 
-A folder is a run if it holds a `run.json`; what the run is stands in there, never in a file name.
+What a run is stands in its `run.json`, never in a file name; `folders` finds which ones are ours.
 """
 
 import os
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, fields
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any, Literal, get_args
+from typing import Any, Literal, NamedTuple, get_args
 
 from msgdrop_cli.definition.run_id import spec_to_dict
 from msgdrop_cli.definition.spec import NAME, PlannedRun
 from msgdrop_cli.definition.strict import Where, build, one_line
 from msgdrop_cli.errors import DefinitionError, RecordError
-from msgdrop_cli.records.files import (
-    CANNOT_CREATE,
-    TEMPORARY,
-    read_json,
-    write_json_atomic,
-)
+from msgdrop_cli.records.files import CANNOT_CREATE, read_json, write_json_atomic
+from msgdrop_cli.records.folders import RUN as RUN
+from msgdrop_cli.records.folders import run_folders
 from msgdrop_cli.records.packed import log_file, read_log
+from msgdrop_cli.records.parsing import RECORD
 
 SCHEMA = 1
 RUNS = "runs"
 """The folder of our own runs in a results folder; the published ones lie elsewhere."""
-RUN, METRICS, EPISODES = "run.json", "metrics.jsonl", "episodes.jsonl"
+METRICS, EPISODES = "metrics.jsonl", "episodes.jsonl"
 POLICY, PROGRESS = "policy.safetensors", "progress.json"
-"""The files of a run folder."""
+"""The files of a run folder, beside RUN."""
 Status = Literal["planned", "running", "done", "failed", "diverged", "interrupted"]
 FACTS = (
     "env_steps",
@@ -159,21 +157,37 @@ class RunRecord:
         return all(len(self.episodes(fraction)) >= count for fraction in broken_links)
 
 
+class Listing(NamedTuple):
+    """The runs in a folder."""
+
+    records: list[RunRecord]
+    """Sorted by path."""
+    passed_over: str
+    """What else is there, in a line; empty if there is nothing."""
+
+
 def run_path(root: Path, planned: PlannedRun) -> Path:
     """The folder of a run in the results folder `root`; nothing is created."""
     folder = f"{planned.variant}-s{planned.spec.seed}-{planned.run_id}"
     return root / RUNS / planned.spec.environment / folder
 
 
-def list_runs(root: Path) -> list[RunRecord]:
+def look_through(root: Path) -> Listing:
     """Every run in or below `root` (a results folder, a part of it, or one run), sorted by path.
 
     Raises RecordError, in one line: no such folder, no run in it, or a damaged or unknown record.
     """
-    records = [_record(path) for path in _run_folders(root)]
-    if not records:
-        raise RecordError(one_line(f"{root}: holds no runs of msgdrop (no run.json in or below)"))
-    return records
+    found = run_folders(root)
+    words = found.passed_over_in_words()
+    if not found.runs:
+        why = words or f"no {RUN} in or below"
+        raise RecordError(one_line(f"{root}: holds no runs of msgdrop ({why})"))
+    return Listing([_record(path) for path in found.runs], words)
+
+
+def list_runs(root: Path) -> list[RunRecord]:
+    """The runs of `look_through`, for who knows the folder."""
+    return look_through(root).records
 
 
 def find_run(root: Path, run_id: str) -> RunRecord | None:
@@ -186,7 +200,7 @@ def find_run(root: Path, run_id: str) -> RunRecord | None:
             return None
     except OSError:  # a name that is too long, a folder that is closed to us: no run either
         return None
-    folders = [path for path in _run_folders(root) if path.name.endswith(f"-{run_id}")]
+    folders = [path for path in run_folders(root).runs if path.name.endswith(f"-{run_id}")]
     found = [record for record in map(_record, folders) if record.run_id == run_id]
     return max(found, key=lambda record: (record.status == "done", record.env_steps), default=None)
 
@@ -242,7 +256,7 @@ def set_status(path: Path, status: Status, reason: str | None = None, **facts: A
 
 def _record(path: Path) -> RunRecord:
     file = path / RUN
-    run = read_json(file)
+    run = read_json(file, RECORD)
     if not isinstance(run, dict):
         raise RecordError(one_line(f"{file}: is damaged: expected an object"))
     if run.get("schema") != SCHEMA:
@@ -254,31 +268,6 @@ def _record(path: Path) -> RunRecord:
     except DefinitionError as error:
         raise RecordError(str(error)) from error
     return RunRecord(path, run)
-
-
-def _run_folders(root: Path) -> list[Path]:
-    try:
-        return sorted(_walk(root))
-    except (OSError, ValueError, RecursionError) as error:
-        place, reason = root, str(error)
-        if isinstance(error, OSError):
-            place, reason = error.filename or root, error.strerror or reason
-        raise RecordError(one_line(f"{place}: cannot be read: {reason}")) from error
-
-
-def _walk(folder: Path) -> Iterator[Path]:
-    """Run folders in or below `folder`. Links are not followed: they could lead in circles."""
-    with os.scandir(folder) as entries:
-        found = list(entries)
-    if any(entry.name == RUN for entry in found):
-        yield folder
-        return
-    for entry in found:
-        if entry.is_symlink() and not Path(entry.path).is_file():
-            raise RecordError(one_line(f"{entry.path}: is a symbolic link; name its target"))
-        # A copy that is not yet whole, or goes while we look, when its writer is done.
-        if entry.is_dir() and not entry.name.startswith(TEMPORARY):
-            yield from _walk(Path(entry.path))
 
 
 def _rows(path: Path, *keys: str) -> list[dict[str, Any]]:

@@ -1,0 +1,17 @@
+"""The runs of a results folder for a command, with a word about what else is there."""
+
+from pathlib import Path
+
+from msgdrop_cli.commands import console
+from msgdrop_cli.records.store import RunRecord, look_through
+
+
+def runs_in(root: Path) -> list[RunRecord]:
+    """Every run in or below a folder; what was passed over is told in one note.
+
+    Raises RecordError: no such folder, no run in it, or a damaged record of ours.
+    """
+    listing = look_through(root)
+    if listing.passed_over:
+        console.note(f"{root}: {listing.passed_over}")
+    return listing.records

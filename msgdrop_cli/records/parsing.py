@@ -1,0 +1,138 @@
+"""JSON that somebody else may have written: bounded before it is parsed, cleaned afterwards.
+
+What a parser makes of a text takes up to a hundred times its bytes, and a text may come out of a
+packed file that is a thousand times smaller. So bytes and values are counted first; the bounds are
+ten times and more what the longest run writes.
+"""
+
+import json
+import math
+from collections.abc import Iterable
+from typing import Any, NamedTuple
+
+from msgdrop_cli.definition.spec import MOST_LOG_ROWS
+from msgdrop_cli.definition.strict import one_line
+from msgdrop_cli.errors import RecordError
+
+
+class Bounds(NamedTuple):
+    """What one JSON text may have."""
+
+    size: int
+    """Bytes."""
+    values: int
+    """Entries of lists and objects together (commas and brackets in texts are counted, too)."""
+
+
+RECORD = Bounds(2**16, 2_000)
+"""A run's record: real ones have 3 kB and a hundred values."""
+TABLE = Bounds(2**20, 50_000)
+"""Any other file; the manifest of a checkpoint in thousands of pieces is the largest."""
+LONGEST_LINE = 4_096
+"""Bytes of a row of a log; real ones have 350 at most."""
+MOST_COLUMNS = 64
+"""Of one row; real ones have 12."""
+_MOST_NAMES = 256
+"""Different names of columns in one log."""
+_DEEPEST = 16
+"""Tables and lists in each other; in a spec there are 4."""
+_LONGEST_TEXT = 1_000
+"""Characters; the reason of a failure is the longest, with 500."""
+LARGEST_NUMBER = 1e100
+"""Of what is measured: sums and squares of such numbers are still finite."""
+_LARGEST_INT = 2**63 - 1
+
+
+def parse_json(content: bytes, place: str, bounds: Bounds = TABLE) -> Any:
+    """The value in `content`, texts without control characters; `place` begins the error's line.
+
+    Raises RecordError for what is no JSON, or more than a record of ours can be.
+    """
+    try:
+        if len(content) > bounds.size:
+            raise ValueError(f"it has more than {bounds.size:,} bytes")
+        if sum(map(content.count, (b",", b"[", b"{"))) > bounds.values:
+            raise ValueError(f"it has more than {bounds.values:,} values")
+        return _cleaned(_parsed(content), _DEEPEST)
+    except (ValueError, RecursionError) as error:
+        raise RecordError(one_line(f"{place}: is damaged: {error}")) from error
+
+
+def parse_rows(lines: Iterable[bytes], place: str) -> list[dict[str, Any]]:
+    """The rows of a log from its whole lines, each of LONGEST_LINE bytes at most.
+
+    Raises RecordError, naming `place` and the line, for what is no flat object.
+    """
+    rows: list[dict[str, Any]] = []
+    names: dict[str, str] = {}
+    for number, line in enumerate(lines, start=1):
+        try:
+            if number > MOST_LOG_ROWS:
+                raise ValueError(f"more than {MOST_LOG_ROWS:,} rows")
+            rows.append(_row(_parsed(line), names))
+        except (ValueError, RecursionError) as error:
+            raise RecordError(one_line(f"{place}: line {number}: is damaged: {error}")) from error
+    return rows
+
+
+def _parsed(content: bytes) -> Any:
+    return json.loads(
+        content.decode(),
+        parse_float=_finite,
+        parse_int=_64_bits,
+        parse_constant=_refuse_constant,
+    )
+
+
+def _row(value: Any, names: dict[str, str]) -> dict[str, Any]:
+    """One row. names: of the columns, cleaned; all rows share them, for they fill the memory."""
+    if not isinstance(value, dict):
+        raise ValueError("expected an object")
+    if len(value) > MOST_COLUMNS:
+        raise ValueError(f"it has more than {MOST_COLUMNS} columns")
+    row = {}
+    for key, entry in value.items():
+        if isinstance(entry, str | list | dict):
+            entry = _cleaned(entry, 0)
+        if key not in names:
+            if len(names) == _MOST_NAMES:
+                raise ValueError(f"the log has more than {_MOST_NAMES} different columns")
+            names[key] = one_line(key)
+        row[names[key]] = entry
+    return row
+
+
+def _cleaned(value: Any, depth: int) -> Any:
+    """The value, at most `depth` deep and without control characters."""
+    if isinstance(value, str):
+        return _text(value)
+    if isinstance(value, list | dict) and depth == 0:
+        raise ValueError("it is nested too deeply")
+    if isinstance(value, list):
+        return [_cleaned(entry, depth - 1) for entry in value]
+    if isinstance(value, dict):
+        return {_text(key): _cleaned(entry, depth - 1) for key, entry in value.items()}
+    return value
+
+
+def _text(text: str) -> str:
+    if len(text) > _LONGEST_TEXT:
+        raise ValueError(f"a text of {len(text):,} characters, expected {_LONGEST_TEXT:,} at most")
+    return one_line(text)
+
+
+def _finite(text: str) -> float:
+    number = float(text)
+    if not math.isfinite(number):
+        raise ValueError(f"{text[:20]} is not finite")
+    return number
+
+
+def _64_bits(text: str) -> int:
+    if len(text) > 20 or abs(number := int(text)) > _LARGEST_INT:
+        raise ValueError(f"{text[:20]} is a number beyond 64 bits")
+    return number
+
+
+def _refuse_constant(text: str) -> float:
+    raise ValueError(f"{text} is not JSON")
