@@ -113,7 +113,7 @@ def test_time_is_measured_where_it_can_be(store: Store, copy: Store) -> None:
 
 @pytest.mark.parametrize("profile", ["quick", "million", "paper"])
 def test_train_takes_a_learner_without_epsilon(profile: str, tmp_path: Path) -> None:
-    """The profiles' settings that a learner does not have are left out, not refused."""
+    """MADDPG anneals nothing, at any length."""
     arguments = ("--env", "waterworld-n8", "--algorithm", "maddpg-md", "--profile", profile)
     said = msgdrop("train", *arguments, "--dry-run", "--results", tmp_path)
     assert said.code == 0, said.err

@@ -107,6 +107,18 @@ def test_a_shorter_training_explores_for_half_of_it(steps: str, explores: int) -
     assert ids("train", "--steps", steps) == ids("train", *length)
 
 
+@pytest.mark.parametrize("profile", ["quick", "million", "paper"])
+@pytest.mark.parametrize(
+    ("environment", "question"), [("pursuit-n6", "dropout-rate"), ("navigation-n8", "navigation")]
+)
+def test_a_scale_of_train_is_that_of_the_questions(
+    environment: str, question: str, profile: str
+) -> None:
+    """One name of a profile means one run, whoever asks for it."""
+    alone = ids("train", "--env", environment, "--algorithm", "dcc", "--profile", profile)
+    assert set(alone) <= set(ids("ablate", question, "--profile", profile, "--seed", "1"))
+
+
 def test_a_learner_without_epsilon_takes_steps() -> None:
     """MADDPG has nothing to anneal."""
     [run] = planned("train", "--env", "waterworld-n8", "--algorithm", "maddpg", "--steps", "1e4")

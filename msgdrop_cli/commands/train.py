@@ -9,8 +9,7 @@ from typing import Annotated
 import typer
 
 from msgdrop_cli.commands import completion, options, settings, words
-from msgdrop_cli.definition.catalogue import Catalogue
-from msgdrop_cli.definition.plan import ad_hoc_definition, plan
+from msgdrop_cli.definition.plan import ad_hoc_definition
 from msgdrop_cli.definition.spec import Definition, Profile
 from msgdrop_cli.errors import DefinitionError, nearest
 
@@ -18,16 +17,8 @@ app = typer.Typer()
 
 _PROFILES: Mapping[str, Profile] = MappingProxyType(
     {
-        "quick": Profile(
-            seeds=1,
-            evaluation_episodes=200,
-            training={"train_env_steps": 100_000},
-        ),
-        "million": Profile(
-            seeds=1,
-            training={"train_env_steps": 1_000_000},
-            algorithm={"epsilon_anneal_env_steps": 500_000},
-        ),
+        "quick": Profile(seeds=1, evaluation_episodes=200, training={"train_env_steps": 100_000}),
+        "million": Profile(seeds=1, training={"train_env_steps": 1_000_000}),
         "paper": Profile(seeds=1),
     }
 )
@@ -123,27 +114,21 @@ def _check_said_once(overrides: Sequence[str], options: Mapping[str, object]) ->
 def _definition(
     env: str, algorithm: str, profile: str, rate: str | None, steps: int | None
 ) -> Definition:
-    """The question behind `train`: a profile without what the learner does not have.
+    """The question behind `train`; raises DefinitionError for names and rates that cannot be."""
+    scale = _PROFILES[profile]
+    if steps is not None:
+        scale = replace(scale, training={"train_env_steps": steps})
+    question = ad_hoc_definition(env, [algorithm], profile, scale)
+    if rate is not None:
+        _check_takes_rate(algorithm)
+    return question
 
-    MADDPG anneals no epsilon. Raises DefinitionError as `plan` does.
-    """
+
+def _check_takes_rate(algorithm: str) -> None:
+    """Refuse a rate for an algorithm whose name says which one it has, such as simple DCC."""
     from msgdrop_cli.engine.catalogue import catalogue
 
     known = catalogue()
-    question = ad_hoc_definition(env, [algorithm], profile, _PROFILES[profile])
-    paper = replace(question, profiles={"paper": _PROFILES["paper"]})
-    config = plan(paper, "paper", known).runs[0].spec.algorithm_config
-    if rate is not None:
-        _check_takes_rate(algorithm, known)
-    scale = _PROFILES[profile]
-    if steps is not None:
-        scale = replace(scale, training={"train_env_steps": steps}, algorithm={})
-    kept = {key: value for key, value in scale.algorithm.items() if hasattr(config, key)}
-    return replace(question, profiles={profile: replace(scale, algorithm=kept)})
-
-
-def _check_takes_rate(algorithm: str, known: Catalogue) -> None:
-    """Refuse a rate for an algorithm whose name says which one it has, such as simple DCC."""
     named = known.algorithm(algorithm)
     if "rate" in named.overrides:
         alike = [
