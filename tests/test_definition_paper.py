@@ -6,8 +6,9 @@ import pytest
 
 from msgdrop_cli.definition.catalogue import PaperSizes
 from msgdrop_cli.definition.load import list_definitions, load_definition
-from msgdrop_cli.definition.paper import paper_sizes
+from msgdrop_cli.definition.paper import sizes_in
 from msgdrop_cli.definition.plan import plan
+from msgdrop_cli.definition.strict import Where
 from msgdrop_cli.errors import DefinitionError
 from tests.definition_samples import CATALOGUE, DEFINITION, Learner
 
@@ -20,7 +21,7 @@ training = { train_env_steps = 1e3 }
 
 def read(text: str) -> dict[tuple[str, str], PaperSizes]:
     """The sizes in a text, for the small world of the tests of planning."""
-    return paper_sizes(["tiny-n2"], {"lab": Learner}, text.encode())
+    return sizes_in(text.encode(), Where("paper.toml"), ["tiny-n2"], {"lab": Learner})
 
 
 def test_a_pair_has_the_types_of_its_configs() -> None:

@@ -1,6 +1,6 @@
-"""The paper's sizes and lengths for each game and learner, read strictly from `paper.toml`."""
+"""Sizes and lengths for games and learners, read strictly: the paper's, in `paper.toml`."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Mapping
 from typing import Any
 
 from msgdrop_cli.definition.catalogue import PaperSizes
@@ -11,25 +11,29 @@ from msgdrop_cli.errors import nearest
 
 
 def paper_sizes(
-    environments: Iterable[str], learners: Mapping[str, type[Any]], content: bytes | None = None
+    environments: Collection[str], learners: Mapping[str, type[Any]]
 ) -> dict[tuple[str, str], PaperSizes]:
-    """(environment, learner) to what the paper has for the pair, in the types of the Configs.
+    """(environment, learner) to what the paper has for the pair; raises as `sizes_in` does."""
+    return sizes_in(shipped_file(PAPER), Where(PAPER), environments, learners)
 
-    learners: name to Config. content: read instead of the file that is shipped.
-    Raises DefinitionError, in one line: an environment, learner or field that does not exist, a
-    value of the wrong type, a pair without both of its tables.
+
+def sizes_in(
+    content: bytes, where: Where, environments: Collection[str], learners: Mapping[str, type[Any]]
+) -> dict[tuple[str, str], PaperSizes]:
+    """(environment, learner) to what a file like `paper.toml` says, in the types of the Configs.
+
+    learners: name to Config. Raises DefinitionError, in one line: an environment, learner or field
+    that does not exist, a value of the wrong type, a pair without both of its tables.
     """
-    where = Where(PAPER)
-    table = read_toml(shipped_file(PAPER) if content is None else content, where)
-    hint = Mapping[str, Mapping[str, PaperSizes]]
-    known, found = set(environments), {}
-    for environment, of_learners in convert(table, hint, where).items():
-        if environment not in known:
-            raise where.at(environment).error(f"no environment; {nearest(environment, known)}")
+    hint, found = Mapping[str, Mapping[str, PaperSizes]], {}
+    for environment, of_learners in convert(read_toml(content, where), hint, where).items():
+        if environment not in environments:
+            known = nearest(environment[:64], environments)
+            raise where.at(environment).error(f"no environment; {known}")
         for learner, sizes in of_learners.items():
             place = where.at(environment).at(learner)
             if learner not in learners:
-                raise place.error(f"no learner; {nearest(learner, learners)}")
+                raise place.error(f"no learner; {nearest(learner[:64], learners)}")
             found[environment, learner] = PaperSizes(
                 algorithm=parse(learners[learner], sizes.algorithm, place.at("algorithm")),
                 training=parse(TrainingSpec, sizes.training, place.at("training")),
