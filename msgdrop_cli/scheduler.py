@@ -10,20 +10,21 @@ import os
 import signal
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from msgdrop_cli.definition.spec import PlannedRun
 from msgdrop_cli.errors import MsgdropError, RecordError
 from msgdrop_cli.records.files import run_lock
-from msgdrop_cli.records.store import RUNS, RunRecord, Status, find_run, set_status
+from msgdrop_cli.records.outcome import Outcome
+from msgdrop_cli.records.store import RUNS, RunRecord, Status, find_run, run_path, set_status
 from msgdrop_cli.signals import SIGNALS, held_back
 from msgdrop_cli.stopping import NOTHING, WRITING, Control, Unanswered
 
 TRIES = 3
 """How often a run is begun or continued if its worker dies."""
 _PR_SET_PDEATHSIG = 1
-_Arrived = Callable[[Sequence["Outcome"]], None]
+_Arrived = Callable[[Sequence[Outcome]], None]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -41,23 +42,13 @@ class Task:
     @property
     def run_ids(self) -> tuple[str, ...]:
         """One outcome is owed for each of these."""
-        return tuple(run.run_id for run in self.train) + tuple(run.run_id for run in self.trained)
+        return tuple(self.folders)
 
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Outcome:
-    """How one run ended."""
-
-    run_id: str
-    path: Path | None
-    """None if nothing was written."""
-    status: str
-    """done, failed, diverged or interrupted."""
-    reason: str | None = None
-    env_steps: int = 0
-    wall_time_s: float = 0.0
-    exit_code: int = 0
-    """What the command exits with on account of this run."""
+    @property
+    def folders(self) -> dict[str, Path]:
+        """By run id, where its run is or will be."""
+        new = {run.run_id: run_path(self.root, run) for run in self.train}
+        return new | {record.run_id: record.path for record in self.trained}
 
 
 def run_tasks(
@@ -95,14 +86,15 @@ def run_tasks(
     for task in tasks:
         for run_id in task.run_ids:
             if run_id not in outcomes:
-                arrived([_given_up(task, run_id) if run_id in begun else _interrupted(run_id)])
+                ended = _given_up if run_id in begun else _interrupted
+                arrived([ended(task, run_id)])
     return [outcomes[run_id] for task in tasks for run_id in task.run_ids]
 
 
 def work(task: Task, control: Control) -> list[Outcome]:
     """Train and evaluate; every error becomes the outcome of the runs that it hit."""
     if control.stopping():  # before anything heavy is loaded
-        return [_interrupted(run_id) for run_id in task.run_ids]
+        return [_interrupted(task, run_id) for run_id in task.run_ids]
     outcomes = [
         Outcome(run_id=record.run_id, path=record.path, status="done", env_steps=record.env_steps)
         for record in task.trained
@@ -113,7 +105,7 @@ def work(task: Task, control: Control) -> list[Outcome]:
         try:
             outcomes += _train(task, control)
         except Exception as error:
-            outcomes += [_failure(run.run_id, error) for run in task.train]
+            outcomes += [_failure(task, run.run_id, error) for run in task.train]
     outcomes = [_evaluated(task, outcome, control) for outcome in outcomes]
     for run_id in task.run_ids:
         control.mark(run_id, NOTHING)
@@ -210,14 +202,13 @@ def _train(task: Task, control: Control) -> list[Outcome]:
         return True
 
     if control.stopping():  # while torch was loaded
-        return [_interrupted(run_id) for run_id in ids]
-    made = train_cohort(task.train, task.root, device=task.device, stop=stop)
-    return [Outcome(**asdict(each)) for each in made]
+        return [_interrupted(task, run_id) for run_id in ids]
+    return train_cohort(task.train, task.root, device=task.device, stop=stop)
 
 
 def _evaluated(task: Task, outcome: Outcome, control: Control) -> Outcome:
     """The outcome after the evaluations of a run that is trained; any other stays as it is."""
-    if outcome.status != "done" or outcome.path is None:
+    if outcome.status != "done":
         return outcome
     if control.stopping():
         return replace(outcome, status="interrupted")
@@ -244,38 +235,40 @@ def _evaluated(task: Task, outcome: Outcome, control: Control) -> Outcome:
     return outcome
 
 
-def _failure(run_id: str, error: Exception) -> Outcome:
+def _failure(task: Task, run_id: str, error: Exception) -> Outcome:
     ours = error.exit_code if isinstance(error, MsgdropError) else 0
     reason = str(error) if ours else f"{type(error).__name__}: {error}"
     code = ours if ours >= 64 else 3
-    return Outcome(run_id=run_id, path=None, status="failed", reason=reason, exit_code=code)
+    return replace(_ended(task, run_id, "failed", reason), exit_code=code)
 
 
 def _killed(task: Task, run_id: str) -> Outcome:
     """The outcome of a run that took its workers along."""
     reason = f"its worker process died {TRIES} times (killed, or out of memory?)"
-    path = _closed(task, run_id, "failed", reason)
-    return Outcome(run_id=run_id, path=path, status="failed", reason=reason, exit_code=3)
+    _write_down(task, run_id, "failed", reason)
+    return replace(_ended(task, run_id, "failed", reason), exit_code=3)
 
 
 def _given_up(task: Task, run_id: str) -> Outcome:
     """The outcome of a run whose worker did not come back when it was asked to stop."""
     reason = "no answer: ended without a checkpoint"
-    path = _closed(task, run_id, "interrupted", reason)
-    return Outcome(run_id=run_id, path=path, status="interrupted", reason=reason)
+    _write_down(task, run_id, "interrupted", reason)
+    return _ended(task, run_id, "interrupted", reason)
 
 
-def _interrupted(run_id: str) -> Outcome:
+def _interrupted(task: Task, run_id: str) -> Outcome:
     """The outcome of a run that was not begun."""
-    return Outcome(run_id=run_id, path=None, status="interrupted")
+    return _ended(task, run_id, "interrupted")
 
 
-def _closed(task: Task, run_id: str, status: Status, reason: str) -> Path | None:
-    """Write down how a run ended that nobody was left to write down; None if there is none."""
+def _ended(task: Task, run_id: str, status: Status, reason: str | None = None) -> Outcome:
+    return Outcome(run_id=run_id, path=task.folders[run_id], status=status, reason=reason)
+
+
+def _write_down(task: Task, run_id: str, status: Status, reason: str) -> None:
+    """Write down how a run ended whose worker is gone, if it was begun."""
     with suppress(RecordError):  # another process may train it by now
         record = find_run(task.root / RUNS if task.train else task.root, run_id)
         if record is not None and record.status not in ("done", "diverged"):
             with run_lock(record.path):
                 set_status(record.path, status, reason)
-            return record.path
-    return None

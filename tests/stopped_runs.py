@@ -5,7 +5,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from msgdrop_cli.engine.run import RunOutcome, train_cohort
+from msgdrop_cli.engine.run import train_cohort
+from msgdrop_cli.records.outcome import Outcome
 from msgdrop_cli.records.seals import seal
 from tests.runs import StopAt, planned
 
@@ -20,7 +21,7 @@ def stop(root: Path) -> Path:
     return outcome.path
 
 
-def resume(folder: Path, stop: Callable[[], bool] = lambda: False) -> RunOutcome:
+def resume(folder: Path, stop: Callable[[], bool] = lambda: False) -> Outcome:
     """Go on with the run in `folder`."""
     [outcome] = train_cohort([planned()], folder.parents[2], stop=stop)
     return outcome

@@ -11,6 +11,7 @@ from msgdrop_cli import scheduler
 from msgdrop_cli.__main__ import greeting
 from msgdrop_cli.commands import words
 from msgdrop_cli.errors import DefinitionError
+from msgdrop_cli.records.outcome import Outcome
 from msgdrop_cli.stopping import Control
 from tests.cli_runs import Store, copied_store, filled_store, msgdrop, python
 
@@ -137,7 +138,7 @@ def test_failed_run_does_not_stop_the_others(
     """With one run failing the other three end, the table says so, and the exit code is 3."""
     train = scheduler._train
 
-    def fail_once(task: scheduler.Task, control: Control) -> list[scheduler.Outcome]:
+    def fail_once(task: scheduler.Task, control: Control) -> list[Outcome]:
         if (task.train[0].variant, task.train[0].spec.seed) == ("dcc", 1):
             raise ValueError("the disk is on fire")
         return train(task, control)

@@ -12,9 +12,10 @@ from msgdrop_cli.commands import training
 from msgdrop_cli.errors import RecordError
 from msgdrop_cli.records.archive import pack
 from msgdrop_cli.records.files import run_lock
+from msgdrop_cli.records.outcome import Outcome
 from msgdrop_cli.records.planned import plan_run, remove_planned
 from msgdrop_cli.records.store import create_run, list_runs, run_path, set_status
-from msgdrop_cli.scheduler import Outcome, Task
+from msgdrop_cli.scheduler import Task
 from msgdrop_cli.stopping import Control
 from tests import runs
 from tests.cli_runs import Store, copied_store, filled_store, msgdrop

@@ -9,9 +9,10 @@ from msgdrop_cli.definition.spec import PlannedRun
 from msgdrop_cli.engine import run as engine
 from msgdrop_cli.engine.checkpoint import Checkpoints
 from msgdrop_cli.engine.divergence import not_finite
-from msgdrop_cli.engine.run import RunOutcome, train_cohort
+from msgdrop_cli.engine.run import train_cohort
 from msgdrop_cli.engine.training import Training
 from msgdrop_cli.records.files import count_jsonl
+from msgdrop_cli.records.outcome import Outcome
 from msgdrop_cli.records.store import METRICS
 from tests.runs import planned
 
@@ -38,7 +39,7 @@ def bias_of_agent_2(training: Training) -> None:
 
 def ends(
     run: PlannedRun, root: Path, monkeypatch: pytest.MonkeyPatch, at: int, spoil: Spoil
-) -> RunOutcome:
+) -> Outcome:
     """The outcome of a run whose numbers are spoilt."""
     monkeypatch.setattr(engine, "Training", spoilt_at(at, spoil))
     [outcome] = train_cohort([run], root)

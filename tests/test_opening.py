@@ -10,9 +10,10 @@ import pytest
 from msgdrop_cli.definition.spec import PlannedRun
 from msgdrop_cli.engine import opening
 from msgdrop_cli.engine import run as engine
-from msgdrop_cli.engine.run import RunOutcome, train_cohort
+from msgdrop_cli.engine.run import train_cohort
 from msgdrop_cli.errors import RecordError
 from msgdrop_cli.records.files import run_lock
+from msgdrop_cli.records.outcome import Outcome
 from msgdrop_cli.records.store import RunRecord, list_runs, run_path
 from tests.runs import StopAt, planned
 
@@ -41,7 +42,7 @@ def test_a_run_that_another_runner_ends_meanwhile_is_done(
     other: PlannedRun, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """It is not trained again from 0, and its record stays as it was."""
-    ended: list[RunOutcome] = []
+    ended: list[Outcome] = []
     records: list[RunRecord] = []
 
     def end_it() -> None:

@@ -14,7 +14,8 @@ from msgdrop_cli import scheduler
 from msgdrop_cli.engine import evaluation
 from msgdrop_cli.engine import run as run_module
 from msgdrop_cli.errors import RecordError
-from msgdrop_cli.scheduler import Outcome, run_tasks
+from msgdrop_cli.records.outcome import Outcome
+from msgdrop_cli.scheduler import run_tasks
 from msgdrop_cli.stopping import Control, graceful_stop
 from tests.processes import tasks_for, tiny_runs, words_of, workers_of
 from tests.runs import digest
@@ -77,7 +78,7 @@ def test_a_run_that_kills_its_workers_fails_alone(
         pools.append(len(ids))
         if deadly in ids:
             return [], list(batch[:workers])
-        arrived([Outcome(run_id=run_id, path=None, status="done") for run_id in ids])
+        arrived([Outcome(run_id=run_id, path=tmp_path, status="done") for run_id in ids])
         return list(batch), []
 
     monkeypatch.setattr(scheduler, "_one_pool", pool)
@@ -123,7 +124,7 @@ def test_a_stop_after_training_leaves_the_evaluation(
     """Whoever is asked to stop when the training is done does not begin to evaluate."""
     train = run_module.train_cohort
 
-    def stop_then(*arguments: Any, **options: Any) -> list[run_module.RunOutcome]:
+    def stop_then(*arguments: Any, **options: Any) -> list[Outcome]:
         outcomes = train(*arguments, **options)
         control.ask()
         return outcomes

@@ -13,8 +13,8 @@ import pytest
 
 from msgdrop_cli import scheduler, stopping
 from msgdrop_cli.engine import run as run_module
-from msgdrop_cli.engine.run import RunOutcome
-from msgdrop_cli.scheduler import Outcome, Task, run_tasks
+from msgdrop_cli.records.outcome import Outcome
+from msgdrop_cli.scheduler import Task, run_tasks
 from msgdrop_cli.signals import SIGNALS
 from msgdrop_cli.stopping import Control, graceful_stop
 from tests.cli_runs import ROOT
@@ -158,7 +158,7 @@ def in_this_process(
     def train(task: Task, control: Control) -> list[Outcome]:
         signal.raise_signal(signal.SIGINT)
         work(control)
-        return [Outcome(run_id=task.run_ids[0], path=None, status="interrupted", env_steps=7)]
+        return [Outcome(run_id=task.run_ids[0], path=root, status="interrupted", env_steps=7)]
 
     monkeypatch.setattr(scheduler, "_train", train)
     monkeypatch.setattr(stopping, "PATIENCE_S", 0.1)
@@ -201,11 +201,11 @@ def test_a_run_that_heeds_the_stop_says_that_it_writes(
     seen: list[bool] = []
     [run] = tiny_runs(seeds=(1,))
 
-    def train(*_: object, stop: Callable[[], bool], **__: object) -> list[RunOutcome]:
+    def train(*_: object, stop: Callable[[], bool], **__: object) -> list[Outcome]:
         for _each in range(2):
             seen.extend([stop(), control.writing()])
             control.ask()
-        return [RunOutcome(run.run_id, tmp_path, "interrupted", None, 0, 0.0)]
+        return [Outcome(run_id=run.run_id, path=tmp_path, status="interrupted")]
 
     monkeypatch.setattr(run_module, "train_cohort", train)
     with graceful_stop() as control:

@@ -17,8 +17,8 @@ from msgdrop_cli.commands.words import duration, several
 from msgdrop_cli.definition.strict import one_line
 from msgdrop_cli.errors import RecordError
 from msgdrop_cli.records.files import read_json
+from msgdrop_cli.records.outcome import Outcome
 from msgdrop_cli.records.store import PROGRESS
-from msgdrop_cli.scheduler import Outcome
 from msgdrop_cli.stopping import WRITING, Control
 
 _HEADERS = ("run", "env steps", "done", "env steps/s", "now", "left")

@@ -27,11 +27,12 @@ from msgdrop_cli.definition.spec import Definition, PlannedRun
 from msgdrop_cli.definition.strict import one_line
 from msgdrop_cli.errors import RecordError
 from msgdrop_cli.records.ours import delete_leftovers
+from msgdrop_cli.records.outcome import Outcome
 from msgdrop_cli.records.planned import plan_run
 from msgdrop_cli.records.store import RunRecord, list_runs, run_path
 from msgdrop_cli.report.table import links_text
 from msgdrop_cli.report.write import figures_folder
-from msgdrop_cli.scheduler import Outcome, Task, run_tasks
+from msgdrop_cli.scheduler import Task, run_tasks
 from msgdrop_cli.stopping import Stopped, graceful_stop
 
 

@@ -8,7 +8,7 @@ import math
 import time
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import ExitStack, suppress
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import groupby
 from pathlib import Path
 from typing import Any
@@ -29,6 +29,7 @@ from msgdrop_cli.records.files import (
     sync_file,
     write_json_atomic,
 )
+from msgdrop_cli.records.outcome import Outcome
 from msgdrop_cli.records.store import (
     METRICS,
     POLICY,
@@ -43,20 +44,6 @@ _QUICK_S, _PUT_OFF = 0.5, 50
 """What a checkpoint takes beyond half a second must be 2% of the training until the next one."""
 
 
-@dataclass(frozen=True, slots=True)
-class RunOutcome:
-    """How a planned run ended."""
-
-    run_id: str
-    path: Path
-    status: Status
-    reason: str | None
-    env_steps: int
-    wall_time_s: float
-    exit_code: int = 0
-    """0, 3 for a run that failed or diverged, or what a fault of the disk asks for."""
-
-
 @arithmetic.settled()
 def train_cohort(
     runs: Sequence[PlannedRun],
@@ -64,7 +51,7 @@ def train_cohort(
     *,
     device: str = "cpu",
     stop: Callable[[], bool] = lambda: False,
-) -> list[RunOutcome]:
+) -> list[Outcome]:
     """Train runs that share every shape, stacked; finished ones are left as they are.
 
     `stop` is asked about twice a second; if it says so, checkpoints are written and the outcomes
@@ -87,7 +74,7 @@ def train_cohort(
     return outcomes
 
 
-def _train_group(runs: list[Run], device: str, stop: Callable[[], bool]) -> list[RunOutcome]:
+def _train_group(runs: list[Run], device: str, stop: Callable[[], bool]) -> list[Outcome]:
     try:
         return _Session(runs, device).train(stop)
     except Exception as error:  # whatever it was, it is written down, and the other cohorts go on
@@ -124,7 +111,7 @@ class _Session:
         self.steps_at_start = self.training.env_steps
         self.headline: list[float | None] = [None] * len(runs)
 
-    def train(self, stop: Callable[[], bool]) -> list[RunOutcome]:
+    def train(self, stop: Callable[[], bool]) -> list[Outcome]:
         """Train until the end, or until `stop` says so."""
         training, plan = self.training, self.plan
         looked_up = self.clock
@@ -193,7 +180,7 @@ class _Session:
         now = time.monotonic()
         self.put_off_until = now + _PUT_OFF * max(now - began - _QUICK_S, 0.0)
 
-    def _finish(self) -> list[RunOutcome]:
+    def _finish(self) -> list[Outcome]:
         if self.logged_at < self.training.env_steps:
             self._log()
         for number, run in self._sound():
@@ -203,7 +190,7 @@ class _Session:
             run.checkpoints.remove()
         return outcomes
 
-    def _close(self, status: Status) -> list[RunOutcome]:
+    def _close(self, status: Status) -> list[Outcome]:
         outcomes = []
         for run in self.runs:
             sync_file(run.path / METRICS)
@@ -242,10 +229,16 @@ class _Session:
             write_json_atomic(run.path / PROGRESS, progress, durable=False)
 
 
-def _outcome(planned: PlannedRun, path: Path, status: Status, reason: str | None) -> RunOutcome:
+def _outcome(planned: PlannedRun, path: Path, status: Status, reason: str | None) -> Outcome:
     record = find_run(path, planned.run_id)
     if record is None:
         raise RecordError(f"{path}: the record has gone")
-    wall_time_s = float(record.run["wall_time_s"])
-    code = 3 if status in ("failed", "diverged") else 0
-    return RunOutcome(planned.run_id, path, status, reason, record.env_steps, wall_time_s, code)
+    return Outcome(
+        run_id=planned.run_id,
+        path=path,
+        status=status,
+        reason=reason,
+        env_steps=record.env_steps,
+        wall_time_s=float(record.run["wall_time_s"]),
+        exit_code=3 if status in ("failed", "diverged") else 0,
+    )
