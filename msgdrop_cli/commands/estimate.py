@@ -1,4 +1,4 @@
-"""What a plan will cost: which runs are new, how long they take, what they fill."""
+"""What a plan will cost: how long its runs take, and what they fill."""
 
 import os
 import shutil
@@ -12,13 +12,14 @@ from typing import Any
 
 from msgdrop_cli.commands import console
 from msgdrop_cli.commands.shapes import Sizes, run_sizes
+from msgdrop_cli.commands.survey import Survey
 from msgdrop_cli.commands.words import size
 from msgdrop_cli.definition.cohorts import group
 from msgdrop_cli.definition.run_id import spec_to_dict
 from msgdrop_cli.definition.spec import PlannedRun
 from msgdrop_cli.errors import DefinitionError, RecordError
 from msgdrop_cli.records.files import CANNOT_CREATE, CANNOT_WRITE, take_lock
-from msgdrop_cli.records.store import RUNS, RunRecord, find_run
+from msgdrop_cli.records.store import RunRecord
 
 _RULE, _RULE_COMPILED = (0.2, 0.11), (0.1, 0.027)
 """ms of an env step on one core, and of a million of `Sizes.work`, in torch and in C: lines through
@@ -26,38 +27,6 @@ what benchmarks/throughput.py measured of all learners."""
 _RULE_FACTOR, _MEASURED_FACTOR = 2.0, 1.25
 """Within what the rule is true (test_cli_estimate), and runs of equal work on a quiet machine."""
 _BYTES_AN_EPISODE = 130
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Survey:
-    """The distinct runs of a plan and what the store has of them."""
-
-    runs: tuple[PlannedRun, ...]
-    """Each run id once."""
-    records: Mapping[str, RunRecord]
-    """By run id."""
-
-    @property
-    def pending(self) -> tuple[PlannedRun, ...]:
-        """The runs to be trained: neither finished nor diverged, which they would do again."""
-        return tuple(run for run in self.runs if self.status(run) not in ("done", "diverged"))
-
-    @property
-    def resumable(self) -> tuple[PlannedRun, ...]:
-        """Those pending that have been trained for a while."""
-        return tuple(run for run in self.pending if self.env_steps(run))
-
-    def env_steps(self, run: PlannedRun) -> int:
-        """Env steps that the run has behind it."""
-        return self.records[run.run_id].env_steps if run.run_id in self.records else 0
-
-    def env_steps_left(self, run: PlannedRun) -> int:
-        """Env steps that the run has before it."""
-        return max(0, run.spec.training.train_env_steps - self.env_steps(run))
-
-    def status(self, run: PlannedRun) -> str:
-        """The status word of the run's record; planned without one."""
-        return self.records[run.run_id].status if run.run_id in self.records else "planned"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -73,18 +42,6 @@ class Estimate:
     """At the busiest moment; most of it is given back."""
     memory_bytes: int
     """Of all workers together at the busiest moment, without the program itself."""
-
-
-def survey(runs: Sequence[PlannedRun], root: Path) -> Survey:
-    """Look up every run of a plan in the results folder; RecordError for a damaged record."""
-    distinct: dict[str, PlannedRun] = {}
-    for run in runs:
-        distinct.setdefault(run.run_id, run)
-    found = {run_id: find_run(root / RUNS, run_id) for run_id in distinct}
-    return Survey(
-        runs=tuple(distinct.values()),
-        records={run_id: record for run_id, record in found.items() if record is not None},
-    )
 
 
 def cohorts(runs: Sequence[PlannedRun], device: str) -> list[tuple[PlannedRun, ...]]:

@@ -41,9 +41,9 @@ def publish(
     chosen = options.chosen_seeds(seed, seeds)
     from msgdrop_cli.analysis.claims import judge_claims
     from msgdrop_cli.analysis.summary import summarise
-    from msgdrop_cli.commands.estimate import survey
     from msgdrop_cli.commands.references import references_of
     from msgdrop_cli.commands.reporting import note_left_out
+    from msgdrop_cli.commands.survey import survey
     from msgdrop_cli.commands.training import as_planned
     from msgdrop_cli.engine.catalogue import catalogue
     from msgdrop_cli.report.figures import draw_all

@@ -8,12 +8,10 @@ from typing import Any
 from msgdrop_cli.commands import console
 from msgdrop_cli.commands.estimate import (
     Estimate,
-    Survey,
     check_folder,
     check_memory,
     cohorts,
     estimate,
-    survey,
 )
 from msgdrop_cli.commands.evaluating import evaluated
 from msgdrop_cli.commands.fitting import check_fits
@@ -21,6 +19,7 @@ from msgdrop_cli.commands.options import TrainOptions, check_device
 from msgdrop_cli.commands.progress import Watch, Watched
 from msgdrop_cli.commands.reporting import report
 from msgdrop_cli.commands.shapes import check_claims
+from msgdrop_cli.commands.survey import Survey, survey
 from msgdrop_cli.commands.words import about, several, size
 from msgdrop_cli.definition.plan import Plan, plan
 from msgdrop_cli.definition.spec import Definition, PlannedRun
