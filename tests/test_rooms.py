@@ -23,6 +23,8 @@ ORDER = (
 )
 """A room imports itself and what stands to its right."""
 WARM = {"engine", "algorithms", "msgdrop_envs", "kernels", "networks", "messages", "ops"}
+LUKEWARM = "msgdrop_envs.metric"
+"""A file of a warm room that loads nothing heavy, so that records are read with it."""
 TORCH_FREE = {"records", "definition", "msgdrop_ablations", "errors"}
 """These need no tensors at all, not even inside a function."""
 HEAVY = {"torch", "numpy", "matplotlib", "joblib", "safetensors", "gymnasium", "pettingzoo"}
@@ -97,6 +99,7 @@ def warming(source: str, room: str) -> list[Import]:
         i
         for i in imports(ast.parse(source))
         if (i.root in HEAVY or room_of(i.name) in WARM) and (i.when_loaded or room in TORCH_FREE)
+        if not i.name.startswith(f"{LUKEWARM}.")
     ]
 
 
@@ -168,6 +171,8 @@ def test_an_import_to_the_left_is_noticed(source: str, room: str, caught: bool) 
         ("class A:\n    import joblib", "scheduler", True),
         ("try:\n    import matplotlib.pyplot\nexcept ImportError: pass", "report", True),
         ("from msgdrop_cli.engine import run", "scheduler", True),
+        ("from msgdrop_envs.metrics import Metric", "analysis", True),
+        ("from msgdrop_envs.metric import Metric", "analysis", False),
         ("def f():\n    import torch", "records", True),
         ("def f():\n    import torch", "commands", False),
         ("from typing import TYPE_CHECKING\nif TYPE_CHECKING:\n    import numpy", "report", False),
@@ -229,6 +234,14 @@ def test_no_files_import_each_other() -> None:
 def test_cold_rooms_load_nothing_heavy() -> None:
     """Cold rooms import no torch, numpy, matplotlib, joblib or warm room when they are loaded."""
     assert found(PRODUCT, lambda path: warming(path.read_text(), room_of_file(path))) == {}
+
+
+def test_the_file_that_is_read_with_records_needs_nothing() -> None:
+    """The standard library alone, and so does its package when it is loaded."""
+    package = ROOT / "envs" / "msgdrop_envs"
+    assert (
+        found([package / "metric.py", package / "__init__.py"], lambda p: foreign(p, set())) == {}
+    )
 
 
 def test_environments_need_only_torch() -> None:

@@ -4,11 +4,12 @@ Letters: `...` any leading batch dimensions (runs, parallel games), `N` agents, 
 """
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
-from typing import Any, Literal, NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import torch
 from torch import Tensor
+
+from msgdrop_envs.metric import Metric as Metric  # part of what a game imports from here
 
 
 class Transition(NamedTuple):
@@ -27,21 +28,6 @@ class Transition(NamedTuple):
 
     Of `final_counts` it holds what the position shows; `autoreset` lets only the last one count.
     """
-
-
-@dataclass(frozen=True, slots=True)
-class Metric:
-    """A ratio of two sums over steps or episodes: `scale * sum(count) / sum(per)`.
-
-    `per` is `steps` or `episodes`; `count` is a key of `Transition.info`, `return` (the reward
-    summed over agents), `steps`, or `finished` (episodes that ended by themselves).
-    """
-
-    count: str
-    per: str
-    scale: float
-    better: Literal["higher", "lower"]
-    meaning: str
 
 
 class Baseline(NamedTuple):

@@ -8,7 +8,7 @@ from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
-from msgdrop_cli.analysis.metrics import Metric
+from msgdrop_cli.analysis.metrics import NamedMetric
 from msgdrop_cli.errors import RecordError
 from msgdrop_cli.records.packed import log_file
 from msgdrop_cli.records.store import EPISODES, RunRecord
@@ -38,7 +38,7 @@ class Comparable(NamedTuple):
 
 
 def comparable(
-    arms: Sequence[tuple[Sequence[RunRecord], Sequence[Metric]]], episodes: int | None
+    arms: Sequence[tuple[Sequence[RunRecord], Sequence[NamedMetric]]], episodes: int | None
 ) -> Comparable:
     """Measure the finished runs of each arm over the first `episodes` of each evaluation.
 
@@ -59,7 +59,7 @@ def comparable(
 
 
 def _measured(
-    runs: Sequence[RunRecord], metrics: Sequence[Metric], episodes: int | None
+    runs: Sequence[RunRecord], metrics: Sequence[NamedMetric], episodes: int | None
 ) -> Measured:
     measured: Measured = defaultdict(dict)
     for record in runs:
@@ -86,7 +86,7 @@ def _count(arms: Sequence[Measured]) -> int:
 
 
 def _evaluations(
-    record: RunRecord, metrics: Sequence[Metric], episodes: int | None
+    record: RunRecord, metrics: Sequence[NamedMetric], episodes: int | None
 ) -> dict[float, Evaluation]:
     """Each fraction of broken links of one run, over its first `episodes` (None: all)."""
     by_links: dict[float, list[Mapping[str, Any]]] = defaultdict(list)

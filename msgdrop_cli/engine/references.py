@@ -10,7 +10,6 @@ from msgdrop_cli.engine.catalogue import catalogue
 from msgdrop_cli.engine.evaluation import play_episodes
 from msgdrop_cli.engine.facts import commit
 from msgdrop_cli.engine.randomness import Streams
-from msgdrop_cli.engine.training import ratio
 from msgdrop_cli.errors import DefinitionError
 from msgdrop_envs import autoreset, registry
 from msgdrop_envs.protocol import Baseline, Environment
@@ -67,4 +66,4 @@ def _play(env: Environment, baseline: Baseline) -> dict[str, float | None]:
     assert table is not None  # nobody stops it
     names = ("steps", "finished", "return", *env.counts)
     sums = dict(zip(names, table.sum(0).tolist(), strict=True)) | {"episodes": float(EPISODES)}
-    return {name: ratio(metric, sums) for name, metric in env.metrics.items()}
+    return {name: metric.ratio(sums) for name, metric in env.metrics.items()}

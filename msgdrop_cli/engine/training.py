@@ -4,7 +4,7 @@ The loop contains nothing but the loop: logging, checkpoints and stopping consum
 With E parallel games, E env steps happen at once; the updates per env step stay the paper's.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import torch
 from torch import Tensor
@@ -15,7 +15,6 @@ from msgdrop_cli.engine.randomness import Streams
 from msgdrop_cli.engine.replay import Replay
 from msgdrop_cli.ops.minibatch import Minibatch
 from msgdrop_envs import autoreset, registry
-from msgdrop_envs.protocol import Metric
 
 
 class Training:
@@ -102,7 +101,7 @@ class Training:
         rows = []
         for column in self.sums.T.tolist():
             sums = {"steps": float(env_steps), **dict(zip(names, column, strict=True))}
-            rows.append({name: ratio(metric, sums) for name, metric in self.env.metrics.items()})
+            rows.append({name: metric.ratio(sums) for name, metric in self.env.metrics.items()})
             rows[-1]["episodes"] = sums["episodes"]
         self.sums.zero_()
         return rows
@@ -118,9 +117,3 @@ class Training:
             return 0
         every: int = config.update_every_env_steps
         return env_steps // every - (env_steps - self.games_each) // every
-
-
-def ratio(metric: Metric, sums: Mapping[str, float]) -> float | None:
-    """A metric from sums over a window or over episodes; None if there was nothing to divide by."""
-    per = sums[metric.per]
-    return metric.scale * sums[metric.count] / per if per else None

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from itertools import accumulate, pairwise
 from typing import TYPE_CHECKING, NamedTuple
 
-from msgdrop_cli.analysis.metrics import Metric
+from msgdrop_cli.analysis.metrics import NamedMetric
 from msgdrop_cli.analysis.summary import Row
 from msgdrop_cli.report.lettering import LINE, drawable_name, wrapped
 from msgdrop_cli.report.style import AXES, INK, inches
@@ -43,7 +43,7 @@ def end(label: str, value: float, colour: str, marker: str = "") -> End:
     return End(wrapped(label, _WIDEST, _SIZE), value, colour, marker)
 
 
-def measure_axis(axes: "Axes", metric: Metric, values: Sequence[float]) -> None:
+def measure_axis(axes: "Axes", metric: NamedMetric, values: Sequence[float]) -> None:
     """Name the metric; begin at 0 unless something lies below, for bars and rates are amounts."""
     better = "higher" if metric.higher_is_better else "lower"
     name = drawable_name(f"{metric.label} ({better} is better)")

@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from msgdrop_cli.analysis.metrics import Metric
+from msgdrop_cli.analysis.metrics import NamedMetric
 from msgdrop_cli.analysis.summary import Group, Summary
 from msgdrop_cli.report.lettering import drawable_name
 from msgdrop_cli.report.marks import End, end
@@ -45,7 +45,7 @@ class ReferenceLines:
 
 
 def reference_lines(
-    summary: Summary, group: Group, metric: Metric, values: Sequence[float]
+    summary: Summary, group: Group, metric: NamedMetric, values: Sequence[float]
 ) -> ReferenceLines:
     """The reference policies of a group, beside data with these values."""
     references = summary.references_of(group)

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from msgdrop_cli.analysis.claims import MINIMUM_SEEDS, Verdict
-from msgdrop_cli.analysis.metrics import Metric
+from msgdrop_cli.analysis.metrics import NamedMetric
 from msgdrop_cli.analysis.statistics import Interval
 from msgdrop_cli.analysis.summary import Arm, Group, Row, Summary
 from msgdrop_cli.records.references import References
@@ -231,7 +231,7 @@ def _scale(summary: Summary, group: Group) -> str:
     return group.profile + (", overridden" if summary.overrides_of(group) else "")
 
 
-def _headline_note(metric: Metric) -> str:
+def _headline_note(metric: NamedMetric) -> str:
     return (
         f"{metric.label} = {metric.formula}. Mean over seeds with 95% bootstrap interval "
         "(2 seeds: lowest to highest); failed and diverged runs have no value and are counted."
