@@ -39,19 +39,26 @@ def show_settings(
 
     others = [each for each in overrides if each != HELP]
     run = plan(definition, profile, catalogue(), overrides=others).runs[0]
-    configs = (run.spec.training, run.spec.algorithm_config, run.spec.environment_config)
+    spec = run.spec
+    configs = {
+        "training": spec.training,
+        "algorithm": spec.algorithm_config,
+        "environment": spec.environment_config,
+    }
     algorithm = str(definition.variants[run.variant].algorithm["name"])
     rows = [
-        (f"{section.name}.{s.key}", vocabulary.notation(getattr(config, s.key)), s.meaning)
-        for section, config in zip(
-            vocabulary.sections(run.spec.environment, algorithm), configs, strict=True
+        (
+            f"{section.name}.{s.key}",
+            vocabulary.notation(getattr(configs[section.name], s.key)),
+            s.meaning,
         )
+        for section in vocabulary.sections(spec.environment, algorithm)
         for s in section.settings
     ]
     if as_json:
         names = ("setting", "value", "meaning")
         console.result_json([dict(zip(names, row, strict=True)) for row in rows])
         return 0
-    console.note(f"as {run.label} on {run.spec.environment} has them, profile {profile}\n")
+    console.note(f"as {run.label} on {spec.environment} has them, profile {profile}\n")
     console.facts({f"{path}={value}": meaning for path, value, meaning in rows}, is_result=True)
     return 0

@@ -43,7 +43,9 @@ def algorithms() -> list[Section]:
 
 def environments() -> list[Section]:
     """Every game, in the order of their files; the names are those of `--env`."""
-    return list(_sections("environment", "msgdrop_envs", "PAPER"))
+    from msgdrop_envs.packages import packages  # it loads no game
+
+    return [each for game in packages() for each in _sections("environment", game, "PAPER")]
 
 
 def training() -> tuple[Setting, ...]:
@@ -71,15 +73,24 @@ def notation(value: Any) -> str:
 
 def _sections(name: str, package: str, table: str) -> Iterator[Section]:
     """The modules of a package that have a table of names, which is how a registry finds them."""
-    found = find_spec(package)
-    for folder in (found.submodule_search_locations if found else None) or ():
-        for file in sorted(Path(folder).rglob("*.py")):
-            text = file.read_text()
-            if f"\n{table}" not in text:  # most files need no parsing
-                continue
-            tree = ast.parse(text)
-            if known_as := _keys(tree, table):
-                yield Section(name, known_as, tuple(_settings(tree, "Config")))
+    for tree in _modules(package, table):
+        if known_as := _keys(tree, table):
+            yield Section(name, known_as, tuple(_settings(tree, "Config")))
+
+
+def _modules(package: str, table: str) -> Iterator[ast.Module]:
+    """The parsed files of a package that may have a table; most files need no parsing.
+
+    None where the package is no good: who asks for more than help is told what is wrong with it.
+    """
+    try:
+        found = find_spec(package)
+        folders = (found.submodule_search_locations if found else None) or ()
+        for file in sorted(file for folder in folders for file in Path(folder).glob("*.py")):
+            if f"\n{table}" in (text := file.read_text()):
+                yield ast.parse(text)
+    except Exception:  # it may be other people's: anything
+        return
 
 
 def _keys(tree: ast.Module, table: str) -> tuple[str, ...]:
@@ -97,7 +108,8 @@ def _keys(tree: ast.Module, table: str) -> tuple[str, ...]:
 def _settings(tree: ast.Module, name: str) -> Iterator[Setting]:
     """The fields of a dataclass that have a default, each with the docstring below it."""
     configs = (node for node in tree.body if isinstance(node, ast.ClassDef) and node.name == name)
-    for field, below in pairwise(next(configs).body):
+    body = (each for config in configs for each in config.body)
+    for field, below in pairwise(body):
         said = below.value if isinstance(below, ast.Expr) else None
         if isinstance(field, ast.AnnAssign) and field.value and isinstance(said, ast.Constant):
             meaning = _SOURCE.sub("", " ".join(str(said.value).split()))

@@ -43,7 +43,8 @@ class Catalogue:
         """The Config of the paper's setting `name`; DefinitionError for an unknown one."""
         if name not in self.environments:
             known = nearest(name[:64], self.environments)
-            raise DefinitionError(f"no environment is called {name[:64]!r}; {known}")
+            theirs = "if it is somebody else's game, install its package"
+            raise DefinitionError(f"no environment is called {name[:64]!r}; {known}; {theirs}")
         return self.environments[name]
 
     def algorithm(self, name: str) -> NamedAlgorithm:

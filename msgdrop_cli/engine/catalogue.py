@@ -1,14 +1,27 @@
 """What can be planned: every environment and learner that stands in a file."""
 
+from typing import Any
+
 from msgdrop_cli.algorithms.registry import learners
-from msgdrop_cli.definition.catalogue import Catalogue, NamedAlgorithm
-from msgdrop_cli.definition.paper import paper_sizes
+from msgdrop_cli.definition.catalogue import Catalogue, NamedAlgorithm, PaperSizes
+from msgdrop_cli.definition.paper import paper_sizes, sizes_in
+from msgdrop_cli.definition.spec import NAME
+from msgdrop_cli.definition.strict import Where
+from msgdrop_cli.errors import DefinitionError
 from msgdrop_envs import registry
 
 
 def catalogue() -> Catalogue:
-    """All settings of the paper and all named algorithms, found by file."""
-    modules, environments = learners(), registry.settings()
+    """All settings of the paper and all named algorithms, found by file.
+
+    Raises DefinitionError if a game that somebody else has installed cannot be used.
+    """
+    modules = learners()
+    environments, files = _games()
+    configs = {name: module.Config for name, module in modules.items()}
+    sizes: dict[tuple[str, str], PaperSizes] = {}
+    for file, content in files.items():
+        sizes |= sizes_in(content, Where(file), environments, configs)
     return Catalogue(
         environments=environments,
         algorithms={
@@ -16,5 +29,17 @@ def catalogue() -> Catalogue:
             for name, module in modules.items()
             for known_as, overrides in module.NAMED.items()
         },
-        paper=paper_sizes(environments, {name: module.Config for name, module in modules.items()}),
+        paper=sizes | paper_sizes(environments, configs),
     )
+
+
+def _games() -> tuple[dict[str, Any], dict[str, bytes]]:
+    """The settings of all games, and the files of sizes that some bring along."""
+    try:
+        environments, files = registry.settings(), registry.size_files()
+        for name, config in environments.items():
+            if not NAME.fullmatch(name):
+                raise registry.GameError(f"{type(config).__module__}: {name!r} is not a name")
+    except registry.GameError as error:
+        raise DefinitionError(f"{error}; mend or uninstall this package") from error
+    return environments, files
