@@ -114,7 +114,7 @@ class Campaign:
 
     def _train(self, batch: Sequence[tuple[PlannedRun, ...]], until: float) -> None:
         tasks = [
-            Task(root=self.out, train=cohort, broken_links=(), episodes=0, device=self.device)
+            Task(root=self.out, train=cohort, channels=(), episodes=0, device=self.device)
             for cohort in batch
         ]
         self._work("training", tasks, until)
@@ -125,7 +125,7 @@ class Campaign:
             Task(
                 root=record.path,
                 trained=(record,),
-                broken_links=self.asked.broken_links,
+                channels=self.asked.channels,
                 episodes=self.asked.evaluation_episodes,
                 device=self.device,
             )
@@ -153,7 +153,7 @@ class Campaign:
         return [r for r in looked_up.records.values() if r.status == "done"]
 
     def _is_evaluated(self, record: RunRecord) -> bool:
-        return record.has_episodes(self.asked.broken_links, self.asked.evaluation_episodes)
+        return record.has_episodes(self.asked.channels, self.asked.evaluation_episodes)
 
     def _archive_name(self) -> str:
         return f"{self.asked.definition.name}-{self.asked.profile}"

@@ -23,6 +23,7 @@ import torch
 from benchmarks import engine
 from benchmarks.plain import measure as plain
 from benchmarks.plain.stopwatch import PARTS
+from msgdrop_cli.definition.channel import NONE_BROKEN
 from msgdrop_cli.engine import arithmetic
 from msgdrop_cli.engine.evaluation import evaluate
 from msgdrop_cli.kernels.build import why_torch
@@ -90,7 +91,7 @@ def evaluation() -> list[tuple[str, float]]:
     timed = []
     for policy in sorted(PUBLISHED.rglob("policy.safetensors")):
         start = time.perf_counter()
-        evaluate(policy.parent, broken_links=0.0, episodes=1_000)
+        evaluate(policy.parent, channel=NONE_BROKEN, episodes=1_000)
         timed.append((policy.parent.name, time.perf_counter() - start))
     return timed
 

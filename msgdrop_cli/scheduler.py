@@ -13,6 +13,7 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from msgdrop_cli.definition.channel import Channel
 from msgdrop_cli.definition.spec import PlannedRun
 from msgdrop_cli.errors import MsgdropError, RecordError
 from msgdrop_cli.records.files import run_lock
@@ -34,8 +35,8 @@ class Task:
     root: Path
     train: tuple[PlannedRun, ...] = ()
     trained: tuple[RunRecord, ...] = ()
-    broken_links: tuple[float, ...]
-    """Fractions of links broken, one evaluation each."""
+    channels: tuple[Channel, ...]
+    """One evaluation through each."""
     episodes: int
     device: str
 
@@ -214,12 +215,12 @@ def _evaluated(task: Task, outcome: Outcome, control: Control) -> Outcome:
         return replace(outcome, status="interrupted")
     from msgdrop_cli.engine.evaluation import evaluate_run
 
-    for fraction in task.broken_links:
+    for channel in task.channels:
         control.mark(outcome.run_id, "evaluating")
         try:
             evaluate_run(
                 outcome.path,
-                broken_links=fraction,
+                channel=channel,
                 episodes=task.episodes,
                 device=task.device,
                 stop=control.stopping,

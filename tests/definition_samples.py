@@ -4,6 +4,7 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 from msgdrop_cli.definition.catalogue import Catalogue, NamedAlgorithm, PaperSizes
+from msgdrop_cli.definition.channel import NONE_BROKEN, Channel
 from msgdrop_cli.definition.spec import Definition, Profile, Variant
 
 
@@ -52,7 +53,7 @@ DEFINITION = Definition(
     question="Why?",
     source="nowhere",
     environments=("tiny-n2", "tiny-n4"),
-    broken_links=(0.0,),
+    channels=(NONE_BROKEN,),
     variants={
         "plain": Variant(label="Plain", algorithm={"name": "plain"}),
         "low": Variant(label="Low", algorithm={"name": "dropping"}),
@@ -70,7 +71,7 @@ DEFINITION = Definition(
             evaluation_episodes=10,
             environments=("tiny-n2",),
             variants=("high", "low"),
-            broken_links=(0.5,),
+            channels=(Channel.read("half"),),
             algorithm={"rate": 0.3, "epsilon_anneal_env_steps": 5},
             training={"games": 3, "train_env_steps": 9},
             environment={"time_limit": 50},

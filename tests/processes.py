@@ -4,6 +4,7 @@ import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
+from msgdrop_cli.definition.channel import NONE_BROKEN
 from msgdrop_cli.definition.load import load_definition
 from msgdrop_cli.definition.plan import plan
 from msgdrop_cli.definition.spec import PlannedRun
@@ -32,7 +33,8 @@ def tiny_runs(steps: int = 200, seeds: Sequence[int] = (1, 2)) -> tuple[PlannedR
 def tasks_for(runs: Sequence[PlannedRun], root: Path) -> list[Task]:
     """One task a run, evaluated in 4 episodes."""
     return [
-        Task(root=root, train=(run,), broken_links=(0.0,), episodes=4, device="cpu") for run in runs
+        Task(root=root, train=(run,), channels=(NONE_BROKEN,), episodes=4, device="cpu")
+        for run in runs
     ]
 
 

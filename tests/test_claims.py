@@ -9,6 +9,7 @@ import pytest
 
 from msgdrop_cli.analysis.claims import Verdict, judge, judge_claims
 from msgdrop_cli.analysis.summary import summarise
+from msgdrop_cli.definition.channel import Channel
 from msgdrop_cli.definition.spec import Claim
 from tests.fake_runs import GROUP, write_arm, write_run
 
@@ -101,7 +102,7 @@ def test_evaluation_is_compared_at_the_claims_broken_links(tmp_path: Path) -> No
         for seed in range(1, 7)
     ]
     assert verdict_on(records).verdict == "contradicted"
-    assert verdict_on(records, replace(CLAIM, broken_links=0.5)).verdict == "supported"
+    assert verdict_on(records, replace(CLAIM, channel=Channel.read("half"))).verdict == "supported"
 
 
 def test_learning_compares_the_mean_of_the_curve(tmp_path: Path) -> None:
@@ -141,8 +142,8 @@ def test_no_run_at_all(tmp_path: Path) -> None:
 def test_a_missing_evaluation_is_named(tmp_path: Path) -> None:
     """Runs that were never evaluated with these links say nothing about them."""
     records = write_arm(tmp_path, "dcc", LOW) + write_arm(tmp_path, "md-0.2", HIGH)
-    verdict = verdict_on(records, replace(CLAIM, broken_links=0.5))
-    assert "no catches_per_500 of md-0.2 (evaluation with 0.5 of the links" in verdict.reason
+    verdict = verdict_on(records, replace(CLAIM, channel=Channel.read("half")))
+    assert "no catches_per_500 of md-0.2 (evaluation with half of the links" in verdict.reason
 
 
 def test_lengths_are_judged_apart(tmp_path: Path) -> None:

@@ -10,6 +10,7 @@ import pytest
 from msgdrop_cli import scheduler
 from msgdrop_cli.__main__ import greeting
 from msgdrop_cli.commands import words
+from msgdrop_cli.definition.channel import Channel
 from msgdrop_cli.errors import DefinitionError
 from msgdrop_cli.records.outcome import Outcome
 from msgdrop_cli.stopping import Control
@@ -278,9 +279,10 @@ def test_version_and_help_are_results() -> None:
 def test_fractions_of_broken_links() -> None:
     """Words and fractions; nothing else."""
     texts = ("none", "half", "all", "0.3")
-    assert [words.broken_links(text) for text in texts] == [0.0, 0.5, 1.0, 0.3]
-    with pytest.raises(DefinitionError):
-        words.broken_links("most")
+    shares = (0.0, 0.5, 1.0, 0.3)
+    assert [words.channel(text, "--channel") for text in texts] == [*map(Channel.read, shares)]
+    with pytest.raises(DefinitionError, match="--channel: expected none, half, all, a share"):
+        words.channel("1.5", "--channel")
 
 
 def test_numbers_for_people() -> None:

@@ -29,7 +29,10 @@ BAD_INPUT = [
     (["train", "--algorithm", "dcc-mb"], "did you mean 'dcc-md'?"),
     (["train", "--profile", "[/red]"], "'[/red]'"),
     (["eval", "--broken-links", "1.5"], "--broken-links: expected"),
-    (["eval", "--broken-links", "nan"], "--broken-links: expected"),
+    (
+        ["eval", "--broken-links", "nan"],
+        "no channel is called 'nan'; known: all, half, links, none",
+    ),
     (["eval", "--broken-links", "130%"], "--broken-links: expected"),
     (["eval", "--broken-links", "%"], "--broken-links: expected"),
     (["eval", "--episodes", "0"], "--episodes: expected"),
@@ -131,7 +134,7 @@ def test_a_full_disk_is_refused(
 
 def test_our_own_mistakes_are_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
     """An unexpected exception is called a bug, exits with 1 and shows no traceback."""
-    monkeypatch.setattr(words, "broken_links", lambda text: 1 / 0)
+    monkeypatch.setattr(words, "channel", lambda *_: 1 / 0)
     said = msgdrop("eval")
     assert said.code == 1
     assert said.err == (
@@ -153,10 +156,10 @@ def test_our_own_mistakes_are_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_a_lack_of_memory_is_called_so(error: Exception, monkeypatch: pytest.MonkeyPatch) -> None:
     """Also if something else was made of it: no setting is too large, nothing is a bug of ours."""
 
-    def lacking(_: str) -> float:
+    def lacking(*_: object) -> None:
         raise RuntimeError("something else") from error
 
-    monkeypatch.setattr(words, "broken_links", lacking)
+    monkeypatch.setattr(words, "channel", lacking)
     said = msgdrop("eval", "--broken-links", "half")
     assert (said.code, said.out) == (74, "")
     assert said.err.startswith("msgdrop: error: memory is short: "), said.err
@@ -165,10 +168,10 @@ def test_a_lack_of_memory_is_called_so(error: Exception, monkeypatch: pytest.Mon
 def test_no_folder_for_temporary_files_is_no_bug(monkeypatch: pytest.MonkeyPatch) -> None:
     """What to do is said."""
 
-    def nowhere(_: str) -> float:
+    def nowhere(*_: object) -> None:
         raise FileNotFoundError(2, "No usable temporary directory found in ['/tmp']")
 
-    monkeypatch.setattr(words, "broken_links", nowhere)
+    monkeypatch.setattr(words, "channel", nowhere)
     said = msgdrop("eval", "--broken-links", "half")
     assert (said.code, said.err.count("\n")) == (74, 1)
     assert said.err.endswith("found in ['/tmp']; name a folder in TMPDIR\n")

@@ -13,6 +13,7 @@ import typer
 
 from msgdrop_cli import app
 from msgdrop_cli.commands import words
+from msgdrop_cli.definition.channel import Channel
 from tests.cli_runs import QUESTION, ROOT, msgdrop
 from tests.test_rooms import HEAVY
 
@@ -249,5 +250,5 @@ def test_tab_loads_nothing_heavy() -> None:
 @pytest.mark.parametrize(("text", "value"), [("30%", 0.3), ("0.3", 0.3), ("7 %", 0.07), ("0%", 0)])
 def test_shares_as_people_write_them(text: str, value: float) -> None:
     """Per cent are hundredths, exactly: 30% and 0.3 are one number."""
-    assert words.broken_links(text) == value
+    assert Channel.read(text) == Channel.read(value)
     assert words.share(text, "--rate") == value

@@ -13,6 +13,7 @@ import pytest
 import torch
 from torch import Tensor
 
+from msgdrop_cli.definition.channel import Channel
 from msgdrop_cli.definition.spec import PlannedRun
 from msgdrop_cli.engine.evaluation import evaluate
 from msgdrop_cli.engine.graphs import CudaGraphs
@@ -163,7 +164,7 @@ def test_a_cohort_trains_as_on_the_cpu(tmp_path: Path) -> None:
     rows: dict[str, list[dict[str, float]]] = {}
     for device in ("cpu", "cuda"):
         paths = _trained(runs, tmp_path / device, device)
-        assert len(evaluate(paths[0], broken_links=0.5, episodes=4, device=device)) == 4
+        assert len(evaluate(paths[0], channel=Channel.read(0.5), episodes=4, device=device)) == 4
         rows[device] = [_rows(path)[1] for path in paths]
     for cpu, gpu in zip(rows["cpu"], rows["cuda"], strict=True):
         assert gpu["loss"] == pytest.approx(cpu["loss"], rel=1e-3)

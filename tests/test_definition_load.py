@@ -5,6 +5,7 @@ from pathlib import Path
 
 import pytest
 
+from msgdrop_cli.definition.channel import NONE_BROKEN, Channel
 from msgdrop_cli.definition.load import list_definitions, load_definition
 from msgdrop_cli.errors import DefinitionError
 
@@ -56,8 +57,8 @@ def test_a_file_of_the_user_is_read(tmp_path: Path) -> None:
     read = load_definition(str(file))
     assert (read.name, list(read.variants)) == ("mine", ["a", "b-0.2"])
     assert read.variants["b-0.2"].algorithm == {"name": "dropping", "rate": 0.2}
-    assert read.broken_links == (0.0,)
-    assert read.profiles["quick"].broken_links == (0.5,)
+    assert read.channels == (NONE_BROKEN,)
+    assert read.profiles["quick"].channels == (Channel.read(0.5),)
 
 
 def test_a_mark_of_the_byte_order_is_no_part_of_the_text(tmp_path: Path) -> None:
@@ -110,9 +111,10 @@ def test_lists_in_a_claim_are_every_combination(tmp_path: Path) -> None:
         ('worse = ["a"]', 'worse = ["aa"]', "claims.1.worse: 'aa' is not in this file; did you "
          "mean 'a'?"),
         ('worse = ["a"]', 'worse = "b-0.2"', "claims.1: 'b-0.2' cannot be better than itself"),
-        ("broken_links = 0.5", "broken_links = 1.0", "claims.1.broken_links: no profile evaluates "
-         "this; evaluated: 0.0, 0.5"),
-        ("[0.5]", "[1.5]", "profiles.quick: broken_links must lie between 0 and 1, not 1.5"),
+        ("broken_links = 0.5", "broken_links = 1.0", "claims.1: no profile evaluates "
+         "with all of the links broken; evaluated: none broken, half broken"),
+        ("[0.5]", "[1.5]", "profiles.quick.broken_links.1: expected none, half, all, a share (0.3 "
+         "or 30%) or a kind with settings (links:0.3), not 1.5"),
         ("seeds = 2", "seeds = 2\nevaluation_episodes = 0", "profiles.quick: evaluation_episodes "
          "must be at least 1, not 0"),
     ],

@@ -6,6 +6,7 @@ from typing import Any
 
 import pytest
 
+from msgdrop_cli.definition.channel import Channel
 from msgdrop_cli.definition.plan import Plan, ad_hoc_definition, parse_seeds, plan
 from msgdrop_cli.definition.spec import Claim, PlannedRun, Profile, Variant
 from msgdrop_cli.errors import DefinitionError
@@ -43,7 +44,7 @@ def test_a_profile_restricts_and_replaces() -> None:
     made = plan(DEFINITION, "quick", CATALOGUE)
     asked = [(run.spec.environment, run.variant, run.spec.seed) for run in made.runs]
     assert asked == [("tiny-n2", v, s) for v in ("high", "low") for s in (4, 2)]
-    assert (made.broken_links, made.evaluation_episodes) == ((0.5,), 10)
+    assert (made.channels, made.evaluation_episodes) == ((Channel.read("half"),), 10)
 
 
 def test_the_paper_lies_under_the_named_algorithm() -> None:
@@ -204,10 +205,10 @@ def test_zero_seeds_in_a_file_are_refused() -> None:
 def test_a_plan_judges_only_the_claims_that_its_runs_and_channels_allow() -> None:
     """Other environments, absent variants and channels that are not evaluated drop out."""
 
-    def claim(environment: str, better: str, broken_links: float) -> Claim:
+    def claim(environment: str, better: str, share: float) -> Claim:
         return Claim(
             says="-", source="-", better=better, worse="low", environment=environment,
-            metric="score", broken_links=broken_links,
+            metric="score", channel=Channel.read(share),
         )  # fmt: skip
 
     good = claim("tiny-n2", "high", 0.5)

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import pytest
 
+from msgdrop_cli.definition.channel import Channel
 from msgdrop_cli.definition.load import list_definitions, load_definition
 from msgdrop_cli.definition.plan import plan
 from msgdrop_cli.engine.catalogue import catalogue
@@ -103,7 +104,7 @@ def test_claims_say_what_the_paper_says(name: str) -> None:
         assert numbers is not None, claim.source
         first, last = numbers[1], numbers[2] or numbers[1]
         order = (claim.better, claim.worse, claim.environment, claim.measure)
-        found.append(((int(first), int(last)), *order, claim.broken_links))
+        found.append(((int(first), int(last)), *order, *claim.channel.settings))
         assert claim.metric == HEADLINE[claim.environment.partition("-")[0]]
     assert sorted(found) == sorted(expected)
 
@@ -184,7 +185,7 @@ def test_the_published_question_is_what_the_issue_asks() -> None:
     asked = {(run.spec.environment, run.variant, run.spec.seed) for run in made.runs}
     arms = ("fdc", "dcc", "md-0.2", "sd-0.2")
     assert asked == {("pursuit-n6", variant, seed) for variant in arms for seed in (1, 2)}
-    assert made.broken_links == (0.0, 0.5, 1.0)
+    assert made.channels == tuple(map(Channel.read, ("none", "half", "all")))
 
 
 def test_questions_share_the_runs_of_two_million_steps() -> None:

@@ -9,6 +9,7 @@ import pytest
 import torch
 
 from msgdrop_cli.algorithms.dcc import DCC
+from msgdrop_cli.definition.channel import Channel
 from msgdrop_cli.engine import evaluation
 from msgdrop_cli.engine.catalogue import catalogue
 from msgdrop_cli.engine.evaluation import evaluate, evaluate_run
@@ -35,7 +36,7 @@ def trained(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
 def test_every_episode_is_played_whole_and_once(tmp_path: Path) -> None:
     """As many rows as asked for, each with steps up to the limit, catches up to the evaders."""
     [outcome] = train_cohort([planned("fdc", map_size=3, train_env_steps=160)], tmp_path)
-    rows = evaluate(outcome.path, broken_links=0.0, episodes=400)
+    rows = evaluate(outcome.path, channel=Channel.read(0.0), episodes=400)
     assert [row["episode"] for row in rows] == list(range(400))
     assert {row["catches"] for row in rows} == {0, 1, 2}
     assert len({row["steps"] for row in rows}) > 5
@@ -52,7 +53,7 @@ def test_a_position_is_counted_at_the_end_only(tmp_path: Path) -> None:
     """Of 8 landmarks of navigation at most 8 are covered, however long the episode."""
     run = planned("fdc", environment="navigation-n8", time_limit=25, train_env_steps=160)
     [outcome] = train_cohort([run], tmp_path)
-    rows = evaluate(outcome.path, broken_links=0.0, episodes=200)
+    rows = evaluate(outcome.path, channel=Channel.read(0.0), episodes=200)
     assert {row["steps"] for row in rows} == {25}
     assert not any(row["finished"] for row in rows)
     assert 1 <= max(row["covered"] for row in rows) <= 8
@@ -63,14 +64,19 @@ def test_a_position_is_counted_at_the_end_only(tmp_path: Path) -> None:
 
 def test_evaluation_repeats_itself(trained: dict[str, Path]) -> None:
     """The same policy and channel give the same rows."""
-    first, second = (evaluate(trained["dcc-md"], broken_links=0.5, episodes=20) for _ in range(2))
+    first, second = (
+        evaluate(trained["dcc-md"], channel=Channel.read(0.5), episodes=20) for _ in range(2)
+    )
     assert first == second
 
 
 def test_broken_links_change_what_a_policy_does(trained: dict[str, Path]) -> None:
     """DCC-MD listens: none, half and all broken are three results."""
     results = [
-        [row["edge_hits"] for row in evaluate(trained["dcc-md"], broken_links=b, episodes=30)]
+        [
+            row["edge_hits"]
+            for row in evaluate(trained["dcc-md"], channel=Channel.read(b), episodes=30)
+        ]
         for b in (0.0, 0.5, 1.0)
     ]
     assert results[0] != results[1] != results[2] != results[0]
@@ -78,7 +84,9 @@ def test_broken_links_change_what_a_policy_does(trained: dict[str, Path]) -> Non
 
 def test_fdc_does_not_notice_broken_links(trained: dict[str, Path]) -> None:
     """Row by row the same episodes, whatever breaks (paper l. 525)."""
-    none, all_broken = (evaluate(trained["fdc"], broken_links=b, episodes=30) for b in (0.0, 1.0))
+    none, all_broken = (
+        evaluate(trained["fdc"], channel=Channel.read(b), episodes=30) for b in (0.0, 1.0)
+    )
     assert [row | {"broken_links": 0.0} for row in all_broken] == none
 
 
@@ -115,7 +123,7 @@ def test_evaluating_does_not_change_training(
         nonlocal calls
         calls += 1
         if calls % 10 == 0:
-            evaluate(trained["dcc-md"], broken_links=0.5, episodes=5)
+            evaluate(trained["dcc-md"], channel=Channel.read(0.5), episodes=5)
         return calls == 30  # of 60 steps: while it learns
 
     [stopped] = train_cohort([run], tmp_path / "disturbed", stop=stop_after_evaluations)
@@ -123,7 +131,7 @@ def test_evaluating_does_not_change_training(
     copy = tmp_path / "copy"
     shutil.copytree(stopped.path, copy)
     shutil.copy(undisturbed.path / "policy.safetensors", copy)
-    assert evaluate_run(copy, broken_links=0.5, episodes=10) == 10
+    assert evaluate_run(copy, channel=Channel.read(0.5), episodes=10) == 10
     [resumed] = train_cohort([run], tmp_path / "disturbed")
     assert resumed.status == "done"
     assert digest(resumed.path) == digest(undisturbed.path)
@@ -132,19 +140,19 @@ def test_evaluating_does_not_change_training(
 def test_enough_episodes_are_not_played_again(tmp_path: Path) -> None:
     """More are drawn anew as a whole, fewer do nothing, other channels stay."""
     [outcome] = train_cohort([planned(train_env_steps=160)], tmp_path)
-    assert evaluate_run(outcome.path, broken_links=0.5, episodes=8) == 8
-    assert evaluate_run(outcome.path, broken_links=0.0, episodes=10) == 10
-    assert evaluate_run(outcome.path, broken_links=0.0, episodes=6) == 0
-    assert evaluate_run(outcome.path, broken_links=0.0, episodes=12) == 12
+    assert evaluate_run(outcome.path, channel=Channel.read(0.5), episodes=8) == 8
+    assert evaluate_run(outcome.path, channel=Channel.read(0.0), episodes=10) == 10
+    assert evaluate_run(outcome.path, channel=Channel.read(0.0), episodes=6) == 0
+    assert evaluate_run(outcome.path, channel=Channel.read(0.0), episodes=12) == 12
     [record] = list_runs(outcome.path)
-    assert len(record.episodes(0.0)) == 12
-    assert len(record.episodes(0.5)) == 8
+    assert len(record.episodes()[Channel.read(0.0)]) == 12
+    assert len(record.episodes()[Channel.read(0.5)]) == 8
 
 
 def test_a_stopped_evaluation_writes_nothing(tmp_path: Path) -> None:
     """All rows of a channel or none."""
     [outcome] = train_cohort([planned(train_env_steps=160, time_limit=5_000)], tmp_path)
-    done = evaluate_run(outcome.path, broken_links=0.0, episodes=300, stop=lambda: True)
+    done = evaluate_run(outcome.path, channel=Channel.read(0.0), episodes=300, stop=lambda: True)
     assert done == 0
     assert not (outcome.path / "episodes.jsonl").exists()
 
@@ -155,7 +163,7 @@ def test_another_runs_policy_is_refused(trained: dict[str, Path], tmp_path: Path
     content = (trained["fdc"] / "policy.safetensors").read_bytes()
     (outcome.path / "policy.safetensors").write_bytes(content)
     with pytest.raises(RecordError, match="does not fit this run"):
-        evaluate(outcome.path, broken_links=0.0, episodes=2)
+        evaluate(outcome.path, channel=Channel.read(0.0), episodes=2)
 
 
 def test_a_damaged_policy_is_refused(tmp_path: Path) -> None:
@@ -164,7 +172,7 @@ def test_a_damaged_policy_is_refused(tmp_path: Path) -> None:
     policy = outcome.path / "policy.safetensors"
     policy.write_bytes(policy.read_bytes()[:-100])
     with pytest.raises(RecordError, match=r"policy\.safetensors: is damaged"):
-        evaluate(outcome.path, broken_links=0.0, episodes=2)
+        evaluate(outcome.path, channel=Channel.read(0.0), episodes=2)
 
 
 def test_weights_that_are_not_finite_are_refused(tmp_path: Path) -> None:
@@ -175,21 +183,21 @@ def test_weights_that_are_not_finite_are_refused(tmp_path: Path) -> None:
     tensors["h2.bias"][0] = float("nan")
     write_tensors(policy, tensors)
     with pytest.raises(RecordError, match="not finite"):
-        evaluate(outcome.path, broken_links=0.0, episodes=2)
+        evaluate(outcome.path, channel=Channel.read(0.0), episodes=2)
 
 
 def test_one_process_evaluates_a_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The other one would overwrite its rows; what was played meanwhile is not played again."""
     [outcome] = train_cohort([planned(train_env_steps=160)], tmp_path)
     with run_lock(outcome.path), pytest.raises(RecordError) as caught:
-        evaluate_run(outcome.path, broken_links=0.5, episodes=8)
+        evaluate_run(outcome.path, channel=Channel.read(0.5), episodes=8)
     assert caught.value.exit_code == 75
 
     def late_lock(path: Path) -> AbstractContextManager[None]:
         monkeypatch.setattr(evaluation, "run_lock", run_lock)
-        assert evaluate_run(path, broken_links=0.5, episodes=8) == 8
+        assert evaluate_run(path, channel=Channel.read(0.5), episodes=8) == 8
         return run_lock(path)
 
     monkeypatch.setattr(evaluation, "run_lock", late_lock)
-    assert evaluate_run(outcome.path, broken_links=0.5, episodes=8) == 0
-    assert evaluate_run(outcome.path, broken_links=0.5, episodes=8) == 0
+    assert evaluate_run(outcome.path, channel=Channel.read(0.5), episodes=8) == 0
+    assert evaluate_run(outcome.path, channel=Channel.read(0.5), episodes=8) == 0

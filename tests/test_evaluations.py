@@ -5,8 +5,9 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from msgdrop_cli.analysis.summary import Summary, summarise
+from msgdrop_cli.definition.channel import Channel
 from msgdrop_cli.records.store import RunRecord
-from msgdrop_cli.report.table import broken_links_table, results_table
+from msgdrop_cli.report.table import channels_table, results_table
 from tests.fake_runs import GROUP, write_run
 
 HEADLINE = "catches_per_500"
@@ -30,7 +31,7 @@ def played(
 def shown(summary: Summary) -> dict[tuple[str, float], tuple[float, int]]:
     """(variant, broken links) to the headline's mean and its episodes."""
     return {
-        (arm.variant, row.broken_links): (row.mean, row.episodes)
+        (arm.variant, row.channel.settings[0]): (row.mean, row.episodes)
         for arm in summary.arms
         for row in arm.rows
         if row.metric == HEADLINE
@@ -89,9 +90,9 @@ def test_captions_say_that_only_the_first_episodes_count(tmp_path: Path) -> None
     cut = summarise([record], episodes=2)
     part = "1,000 env steps a run; the first 2 "
     assert f"{part}greedy evaluation episodes per seed" in results_table(cut, GROUP).caption
-    assert f"{part}evaluation episodes per seed." in broken_links_table(cut, GROUP).caption
+    assert f"{part}evaluation episodes per seed." in channels_table(cut, GROUP).caption
     # Of 0.3 nobody has played more; but of the columns beside it somebody has.
-    assert "the first" not in results_table(cut, GROUP, 0.3).caption
+    assert "the first" not in results_table(cut, GROUP, Channel.read(0.3)).caption
     whole = summarise([played(tmp_path, "md-0.2", {0.0: [1, 3], 0.3: [0, 1]})])
-    for table in (results_table(whole, GROUP), broken_links_table(whole, GROUP)):
+    for table in (results_table(whole, GROUP), channels_table(whole, GROUP)):
         assert "the first" not in table.caption

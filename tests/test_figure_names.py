@@ -12,7 +12,7 @@ from matplotlib.text import Text
 
 from msgdrop_cli.analysis.summary import Summary, summarise
 from msgdrop_cli.records.references import Policy, References, game_key
-from msgdrop_cli.report.bars import draw_broken_links
+from msgdrop_cli.report.bars import draw_channels
 from msgdrop_cli.report.figures import draw_all, draw_learning
 from msgdrop_cli.report.lettering import drawable, drawable_name, width, wrapped
 from msgdrop_cli.report.looks import shown_arms
@@ -72,7 +72,7 @@ def overlaps(figure: Figure) -> list[tuple[str, str]]:
     ]
 
 
-@pytest.mark.parametrize("draw", [draw_learning, draw_dropout_rate, draw_broken_links])
+@pytest.mark.parametrize("draw", [draw_learning, draw_dropout_rate, draw_channels])
 @pytest.mark.parametrize("variants", [5, 12, 30])
 def test_no_text_stands_on_another(variants: int, draw: object, tmp_path: Path) -> None:
     """Names, ticks, title and footer have their places, however many and long the names are."""

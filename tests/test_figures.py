@@ -12,12 +12,12 @@ from msgdrop_cli.analysis.summary import summarise
 from msgdrop_cli.definition.spec import Claim
 from msgdrop_cli.errors import RecordError
 from msgdrop_cli.records.store import RunRecord
-from msgdrop_cli.report.bars import draw_broken_links
+from msgdrop_cli.report.bars import draw_channels
 from msgdrop_cli.report.figures import draw_all, draw_learning
 from msgdrop_cli.report.rates import draw_dropout_rate
 from msgdrop_cli.report.table import (
     Table,
-    broken_links_table,
+    channels_table,
     claims_table,
     results_table,
     to_markdown,
@@ -82,7 +82,7 @@ def test_nothing_done_nothing_drawn(tmp_path: Path) -> None:
     assert not (tmp_path / "figures").exists()
 
 
-@pytest.mark.parametrize("draw", [draw_learning, draw_dropout_rate, draw_broken_links])
+@pytest.mark.parametrize("draw", [draw_learning, draw_dropout_rate, draw_channels])
 def test_a_figure_says_what_it_was_made_from(tmp_path: Path, draw: object) -> None:
     """Environment, profile, length, seeds, losses, commit, formula and band stand in the footer."""
     records = [*full_study(tmp_path), write_run(tmp_path, "sd-0.2", 1, status="diverged")]
@@ -212,7 +212,7 @@ def test_an_arm_without_numbers_has_dashes(tmp_path: Path) -> None:
 
 def test_broken_links_table(tmp_path: Path) -> None:
     """A column for each evaluated share of broken links, in words."""
-    table = broken_links_table(summarise([write_run(tmp_path, "dcc", 1, catches=BROKEN)]), GROUP)
+    table = channels_table(summarise([write_run(tmp_path, "dcc", 1, catches=BROKEN)]), GROUP)
     assert table.headers == ("variant", "seeds", "none broken", "half broken", "all broken")
     assert table.rows[0][2:] == ("8.00 [\u2013]", "4.00 [\u2013]", "1.00 [\u2013]")
 

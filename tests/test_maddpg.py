@@ -7,6 +7,7 @@ import pytest
 import torch
 
 from msgdrop_cli.algorithms.maddpg import MADDPG, NAMED, Config
+from msgdrop_cli.definition.channel import Channel
 from msgdrop_cli.definition.spec import PlannedRun
 from msgdrop_cli.engine.evaluation import evaluate
 from msgdrop_cli.engine.replay import Replay
@@ -287,6 +288,8 @@ def test_critic_and_actor_are_updated_at_the_papers_pace() -> None:
 def test_evaluation_does_not_notice_broken_links(tmp_path: Path) -> None:
     """The same episodes, number by number: actors hear nobody."""
     [outcome] = train_cohort([_planned("maddpg-md", train_env_steps=120)], tmp_path)
-    whole, broken = (evaluate(outcome.path, broken_links=f, episodes=3) for f in (0.0, 1.0))
+    whole, broken = (
+        evaluate(outcome.path, channel=Channel.read(f), episodes=3) for f in (0.0, 1.0)
+    )
     assert [{**row, "broken_links": 0.0} for row in broken] == whole
     assert len(whole) == 3

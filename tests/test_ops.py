@@ -7,7 +7,6 @@ import torch
 from torch import Tensor
 
 from msgdrop_cli.ops.exploration import annealed_epsilon, epsilon_greedy
-from msgdrop_cli.ops.links import broken_links, link_count
 from msgdrop_cli.ops.message_dropout import apply_keep, execution_scale, keep_mask
 from msgdrop_cli.ops.td import clip_factors, double_q_target, td_loss
 
@@ -165,56 +164,3 @@ def test_epsilon_0_never_explores_and_1_always_does() -> None:
     assert (epsilon_greedy(q, uniforms, 0.0) == 2).all()
     share = epsilon_greedy(q, uniforms, 1.0).bincount(minlength=5) / count
     assert (share - 0.2).abs().max() < 5 * math.sqrt(0.2 * 0.8 / count)
-
-
-# links
-
-
-def _matrix(keep: Tensor, agents: int) -> Tensor:
-    """The masks [..., N, S] as [..., N, N], the agents' own places 1."""
-    matrix = torch.ones(*keep.shape[:-2], agents, agents)
-    for i in range(agents):
-        matrix[..., i, [j for j in range(agents) if j != i]] = keep[..., i, :]
-    return matrix
-
-
-@pytest.mark.parametrize(("agents", "fraction"), [(6, 0.5), (8, 0.5), (6, 0.2), (3, 0.9)])
-def test_links_break_in_both_directions(agents: int, fraction: float) -> None:
-    """If j's messages do not reach i, i's do not reach j."""
-    keep = broken_links(_random(50, link_count(agents) + 1), fraction, agents)
-    matrix = _matrix(keep, agents)
-    assert torch.equal(matrix, matrix.mT)
-    assert 0.0 < keep.mean() < 1.0
-
-
-def test_exactly_half_of_28_links_break() -> None:
-    """With 8 agents 14 of 28 links break in every game, i.e. 28 of the 56 messages."""
-    keep = broken_links(_random(2_000, 29), 0.5, 8)
-    assert (keep.sum((-2, -1)) == 28.0).all()
-    per_link = keep.mean(0)
-    assert (per_link - 0.5).abs().max() < 5 * math.sqrt(0.25 / 2_000)  # none is favoured
-
-
-def test_half_of_15_links_is_7_or_8_equally_often() -> None:
-    """With 6 agents 7 or 8 of 15 links break, each in half of the games (5 sigma)."""
-    count = 4_000
-    broken = 15 - broken_links(_random(count, 16), 0.5, 6).sum((-2, -1)) / 2
-    assert set(broken.tolist()) == {7.0, 8.0}
-    assert abs((broken == 8.0).float().mean().item() - 0.5) < 5 * math.sqrt(0.25 / count)
-
-
-@pytest.mark.parametrize("agents", [2, 6, 8])
-def test_no_links_and_all_links_break_exactly(agents: int) -> None:
-    """Fraction 0 keeps every message, fraction 1 none, whatever the numbers are."""
-    uniforms = _random(100, link_count(agents) + 1)
-    uniforms[0] = 0.0
-    assert broken_links(uniforms, 0.0, agents).all()
-    assert not broken_links(uniforms, 1.0, agents).any()
-
-
-def test_broken_links_refuses_impossible_input() -> None:
-    """A fraction outside 0 to 1, or numbers for another team, is an error."""
-    with pytest.raises(ValueError, match="between 0 and 1"):
-        broken_links(torch.zeros(16), 1.1, 6)
-    with pytest.raises(ValueError, match="16 uniforms"):
-        broken_links(torch.zeros(15), 0.5, 6)

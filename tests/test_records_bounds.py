@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 from msgdrop_cli.commands.options import check_episodes
+from msgdrop_cli.definition.channel import Channel
 from msgdrop_cli.definition.spec import MOST_EPISODES, MOST_LOG_ROWS, Profile, TrainingSpec
 from msgdrop_cli.engine import evaluation
 from msgdrop_cli.errors import DefinitionError, RecordError
@@ -228,7 +229,7 @@ def test_what_may_be_played_may_be_read(tmp_path: Path, monkeypatch: pytest.Monk
     record = write_run(tmp_path, "dcc", 1, catches={0.0: 3})  # two episodes, and no policy
     monkeypatch.setattr(evaluation, "MOST_LOG_ROWS", 5)
     with pytest.raises(RecordError, match="no more than 5 are kept of a run"):
-        evaluation.evaluate_run(record.path, broken_links=0.5, episodes=4)
+        evaluation.evaluate_run(record.path, channel=Channel("links", (0.5,)), episodes=4)
 
 
 def test_bounds_are_far_above_what_is_published() -> None:

@@ -8,6 +8,7 @@ from typing import Any
 
 import pytest
 
+from msgdrop_cli.definition.channel import Channel
 from msgdrop_cli.definition.plan import plan
 from msgdrop_cli.definition.run_id import spec_from_dict
 from msgdrop_cli.errors import RecordError
@@ -173,12 +174,12 @@ def test_of_two_copies_the_finished_one_is_found(tmp_path: Path) -> None:
 def test_logs_are_read_with_the_record(tmp_path: Path) -> None:
     """No log yet means no rows; episodes can be asked for by channel."""
     record = created(tmp_path)
-    assert (record.metrics(), record.episodes()) == ([], [])
+    assert (record.metrics(), record.episodes()) == ([], {})
     append_jsonl(record.path / "metrics.jsonl", {"env_steps": 5})
     rows = [{"broken_links": links, "episode": 0} for links in (0.0, 0.5)]
     append_jsonl(record.path / "episodes.jsonl", *rows)
     assert record.metrics() == [{"env_steps": 5}]
-    assert (record.episodes(), record.episodes(0.5)) == (rows, rows[1:])
+    assert record.episodes() == {Channel.read(row["broken_links"]): [row] for row in rows}
 
 
 def test_a_log_of_something_else_is_refused(tmp_path: Path) -> None:

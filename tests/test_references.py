@@ -20,9 +20,9 @@ from msgdrop_cli.records.references import (
     game_key,
     keep_references,
 )
-from msgdrop_cli.report.bars import draw_broken_links
+from msgdrop_cli.report.bars import draw_channels
 from msgdrop_cli.report.figures import draw_learning
-from msgdrop_cli.report.table import broken_links_table, results_table
+from msgdrop_cli.report.table import channels_table, results_table
 from tests.fake_runs import GROUP, write_run
 from tests.runs import planned
 
@@ -58,10 +58,10 @@ def test_tables_end_with_the_reference_policies(tmp_path: Path) -> None:
         ("(scripted)", "\u2013", "62.0", "\u2013"),
     ]
     assert "200 episodes each: (random) any action; (scripted) knows it all." in table.caption
-    assert broken_links_table(found, GROUP).rows[1] == ("(random)", "\u2013", "0.50", "0.50")
+    assert channels_table(found, GROUP).rows[1] == ("(random)", "\u2013", "0.50", "0.50")
 
 
-@pytest.mark.parametrize("draw", [draw_learning, draw_broken_links])
+@pytest.mark.parametrize("draw", [draw_learning, draw_channels])
 def test_figures_draw_what_is_near_and_tell_what_is_far(tmp_path: Path, draw: object) -> None:
     """A dotted line at 0.5 beside its name; 62 would flatten the curves and stands below."""
     assert callable(draw)

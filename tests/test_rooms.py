@@ -16,13 +16,15 @@ from typing import Any, NamedTuple
 import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
+WARM = (
+    *("engine", "algorithms", "msgdrop_envs", "kernels", "networks", "channels", "messages", "ops"),
+)
 ORDER = (
     *("__main__", "app", "commands", "report", "analysis", "scheduler"),
-    *("engine", "algorithms", "msgdrop_envs", "kernels", "networks", "messages", "ops"),
+    *WARM,
     *("records", "definition", "msgdrop_ablations", "stopping", "signals", "errors"),
 )
 """A room imports itself and what stands to its right."""
-WARM = {"engine", "algorithms", "msgdrop_envs", "kernels", "networks", "messages", "ops"}
 LUKEWARM = "msgdrop_envs.metric"
 """A file of a warm room that loads nothing heavy, so that records are read with it."""
 TORCH_FREE = {"records", "definition", "msgdrop_ablations", "errors"}

@@ -108,7 +108,7 @@ def test_a_worker_asked_to_stop_loads_nothing() -> None:
         "from msgdrop_cli.stopping import graceful_stop\n"
         "from msgdrop_cli.records.store import RunRecord\n"
         "run = RunRecord(Path(), {'run_id': 'a', 'env_steps': 0})\n"
-        "task = Task(root=Path(), trained=(run,), broken_links=(0.0,), episodes=1, device='cpu')\n"
+        "task = Task(root=Path(), trained=(run,), channels=(), episodes=1, device='cpu')\n"
         "with graceful_stop() as control:\n"
         "    control.ask()\n"
         "    print(work(task, control)[0].status, 'torch' in sys.modules)\n"

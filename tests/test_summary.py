@@ -64,8 +64,8 @@ def test_row_of_an_arm(tmp_path: Path) -> None:
 def test_each_broken_links_has_its_rows(tmp_path: Path) -> None:
     """Channels are never averaged with each other."""
     (arm,) = summarise([write_run(tmp_path, "dcc", 1, catches={0.0: 8, 0.5: 4, 1.0: 1})]).arms
-    means = {row.broken_links: row.mean for row in arm.rows if row.metric == HEADLINE}
-    assert means == {0.0: 8.0, 0.5: 4.0, 1.0: 1.0}
+    means = {row.channel.word: row.mean for row in arm.rows if row.metric == HEADLINE}
+    assert means == {"none": 8.0, "half": 4.0, "all": 1.0}
 
 
 @pytest.mark.parametrize(

@@ -9,6 +9,7 @@ import torch
 
 from msgdrop_cli.algorithms.cohort import links_heard, shown_agents
 from msgdrop_cli.algorithms.dcc import DCC, Config
+from msgdrop_cli.definition.channel import Channel
 from msgdrop_cli.engine.evaluation import evaluate
 from msgdrop_cli.engine.run import train_cohort
 from msgdrop_cli.messages.topologies import senders, topologies
@@ -93,6 +94,6 @@ def test_a_ring_is_trained_and_evaluated(tmp_path: Path) -> None:
     run = planned("dcc-md", topology="ring")
     [outcome] = train_cohort([run], tmp_path)
     assert outcome.status == "done"
-    assert len(evaluate(outcome.path, broken_links=0.5, episodes=3)) == 3
+    assert len(evaluate(outcome.path, channel=Channel("links", (0.5,)), episodes=3)) == 3
     assert '"topology": "ring"' in (outcome.path / "run.json").read_text()
     assert run.run_id != planned("dcc-md").run_id

@@ -154,11 +154,11 @@ def _values(claim: Claim, arm: Arm) -> Mapping[int, float]:
     if claim.measure == "learning":
         means = {record.seed: learning_mean(record, claim.metric) for record in arm.done}
         return {seed: value for seed, value in means.items() if value is not None}
-    row = arm.row(claim.metric, claim.broken_links)
+    row = arm.row(claim.metric, claim.channel)
     return row.by_seed if row else {}
 
 
 def _measured(claim: Claim) -> str:
     if claim.measure == "learning":
         return "learning curve"
-    return f"evaluation with {claim.broken_links:g} of the links broken"
+    return f"evaluation with {claim.channel.label}"

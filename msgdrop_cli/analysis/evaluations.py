@@ -6,16 +6,17 @@ numbers.
 
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from msgdrop_cli.analysis.metrics import NamedMetric
+from msgdrop_cli.definition.channel import Channel
 from msgdrop_cli.errors import RecordError
 from msgdrop_cli.records.packed import log_file
 from msgdrop_cli.records.store import EPISODES, RunRecord
 
 
 class Evaluation(NamedTuple):
-    """One run under one fraction of broken links."""
+    """One run under one channel."""
 
     recorded: int
     """Episodes in the record."""
@@ -23,8 +24,8 @@ class Evaluation(NamedTuple):
     """Each metric, over as many of them as are compared."""
 
 
-Measured = dict[float, dict[int, Evaluation]]
-"""The evaluations of one arm: fraction of broken links, then seed."""
+Measured = dict[Channel, dict[int, Evaluation]]
+"""The evaluations of one arm: channel, then seed."""
 
 
 class Comparable(NamedTuple):
@@ -42,8 +43,8 @@ def comparable(
 ) -> Comparable:
     """Measure the finished runs of each arm over the first `episodes` of each evaluation.
 
-    None: as many as every run has of its lowest fraction of broken links, so that a short look at
-    another one takes nothing from the main numbers. Raises RecordError for unreadable rows.
+    None: as many as every run has of its first channel, so that a short look at another one takes
+    nothing from the main numbers. Raises RecordError for unreadable rows.
     """
     measured = [_measured(runs, metrics, episodes) for runs, metrics in arms]
     if episodes is None:
@@ -63,8 +64,8 @@ def _measured(
 ) -> Measured:
     measured: Measured = defaultdict(dict)
     for record in runs:
-        for links, evaluation in _evaluations(record, metrics, episodes).items():
-            measured[links][record.seed] = evaluation
+        for channel, evaluation in _evaluations(record, metrics, episodes).items():
+            measured[channel][record.seed] = evaluation
     return measured
 
 
@@ -75,10 +76,10 @@ def _most(arm: Measured) -> int:
 def _with(episodes: int, arm: Measured) -> Measured:
     """The evaluations that have as many episodes."""
     enough = {
-        links: {seed: each for seed, each in seeds.items() if each.recorded >= episodes}
-        for links, seeds in arm.items()
+        channel: {seed: each for seed, each in seeds.items() if each.recorded >= episodes}
+        for channel, seeds in arm.items()
     }
-    return {links: seeds for links, seeds in enough.items() if seeds}
+    return {channel: seeds for channel, seeds in enough.items() if seeds}
 
 
 def _count(arms: Sequence[Measured]) -> int:
@@ -87,18 +88,18 @@ def _count(arms: Sequence[Measured]) -> int:
 
 def _evaluations(
     record: RunRecord, metrics: Sequence[NamedMetric], episodes: int | None
-) -> dict[float, Evaluation]:
-    """Each fraction of broken links of one run, over its first `episodes` (None: all)."""
-    by_links: dict[float, list[Mapping[str, Any]]] = defaultdict(list)
+) -> dict[Channel, Evaluation]:
+    """Each channel of one run, over its first `episodes` (None: all)."""
+    played = record.episodes()
     try:
-        for row in sorted(record.episodes(), key=lambda row: row["episode"]):
-            by_links[float(row["broken_links"])].append(row)
+        for rows in played.values():
+            rows.sort(key=lambda row: row["episode"])
         return {
-            links: Evaluation(
+            channel: Evaluation(
                 recorded=len(rows),
                 values={each.name: each.value(rows[:episodes]) for each in metrics},
             )
-            for links, rows in by_links.items()
+            for channel, rows in played.items()
         }
     except (KeyError, TypeError, ValueError, ZeroDivisionError) as error:
         raise RecordError(

@@ -1,4 +1,4 @@
-"""Runs sorted into arms, and one row of numbers per arm, broken links and metric.
+"""Runs sorted into arms, and one row of numbers per arm, channel and metric.
 
 An arm is one variant under one set-up: runs that differ in anything but the seed (training length,
 profile, an override) never share an arm, whatever their variant is called. Only `done` runs are
@@ -24,6 +24,7 @@ from msgdrop_cli.analysis.statistics import (
     iqm_interval,
     mean,
 )
+from msgdrop_cli.definition.channel import NONE_BROKEN, Channel
 from msgdrop_cli.definition.spec import TrainingSpec
 from msgdrop_cli.errors import RecordError
 from msgdrop_cli.records.references import References, game_key
@@ -43,10 +44,10 @@ class Group(NamedTuple):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Row:
-    """One metric of one arm, with `broken_links` (0 to 1) of the links broken in the evaluation."""
+    """One metric of one arm, evaluated through one channel."""
 
     metric: str
-    broken_links: float
+    channel: Channel
     by_seed: Mapping[int, float]
     """Value of each seed, in order of the seeds."""
     mean: float
@@ -85,10 +86,10 @@ class Arm:
     """The formulas of its environment, the headline first."""
     rows: tuple[Row, ...]
 
-    def row(self, metric: str, broken_links: float = 0.0) -> Row | None:
-        """The row of this metric and fraction of broken links, or None if nothing was evaluated."""
-        wanted = (metric, broken_links)
-        return next((row for row in self.rows if (row.metric, row.broken_links) == wanted), None)
+    def row(self, metric: str, channel: Channel = NONE_BROKEN) -> Row | None:
+        """The row of this metric and channel, or None if nothing was evaluated."""
+        wanted = (metric, channel)
+        return next((row for row in self.rows if (row.metric, row.channel) == wanted), None)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -126,7 +127,7 @@ class Summary:
         return self.references.get(games.pop()) if len(games) == 1 else None
 
     def to_json(self) -> list[dict[str, Any]]:
-        """One flat, JSON-ready table: a line per arm, broken links and metric (`--json`)."""
+        """One flat, JSON-ready table: a line per arm, channel and metric (`--json`)."""
         return [line for arm in self.arms for line in _json_lines(arm)]
 
 
@@ -234,7 +235,8 @@ def _rows(
 ) -> Iterable[Row]:
     import numpy as np
 
-    for broken_links, seeds in sorted(measured.items()):
+    for channel in sorted(measured):
+        seeds = measured[channel]
         for metric in metrics.all:
             by_seed = {seed: evaluation.values[metric.name] for seed, evaluation in seeds.items()}
             values = list(by_seed.values())
@@ -242,7 +244,7 @@ def _rows(
             rng = np.random.default_rng(bootstrap_seed)
             yield Row(
                 metric=metric.name,
-                broken_links=broken_links,
+                channel=channel,
                 by_seed=by_seed,
                 mean=mean(values),
                 iqm=interquartile_mean(values),
@@ -265,7 +267,7 @@ def _json_lines(arm: Arm) -> Iterable[dict[str, Any]]:
     }
     for row in arm.rows:
         yield about | {
-            "broken_links": row.broken_links,
+            **row.channel.entry,
             "metric": row.metric,
             "seeds": len(row.by_seed),
             "by_seed": {str(seed): value for seed, value in row.by_seed.items()},

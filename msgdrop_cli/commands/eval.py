@@ -6,6 +6,7 @@ from typing import Annotated
 import typer
 
 from msgdrop_cli.commands import options, words
+from msgdrop_cli.definition.channel import NONE_BROKEN, WORDS
 
 app = typer.Typer()
 
@@ -23,7 +24,7 @@ def evaluate(
         typer.Option(
             metavar="SHARE",
             help="How many links are broken: none, half, all, 0.3 or 30%.",
-            autocompletion=lambda: list(words.LINKS),
+            autocompletion=lambda: list(WORDS),
         ),
     ] = "none",
     episodes: options.Episodes = 1_000,
@@ -36,7 +37,8 @@ def evaluate(
     RESULTS is a folder (default: results). Published policies are used if the folder holds no
     others. Episodes that were played before are not played again.
     """
-    fraction = words.broken_links(broken_links)
+    asked = words.channel(broken_links, "--broken-links")
+    options.check_channels([asked])
     options.check_workers(workers)
     options.check_episodes(episodes)
     options.check_device_name(device)
@@ -44,7 +46,7 @@ def evaluate(
 
     return measure(
         results,
-        broken_links=tuple(dict.fromkeys((0.0, fraction))),
+        channels=tuple(dict.fromkeys((NONE_BROKEN, asked))),
         episodes=episodes,
         workers=workers,
         device=device,

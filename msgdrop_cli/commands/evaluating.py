@@ -13,6 +13,7 @@ from msgdrop_cli.commands.listing import runs_in
 from msgdrop_cli.commands.options import check_device
 from msgdrop_cli.commands.progress import Watch, Watched
 from msgdrop_cli.commands.words import several
+from msgdrop_cli.definition.channel import Channel
 from msgdrop_cli.errors import DefinitionError, RecordError
 from msgdrop_cli.records.packed import packed_name
 from msgdrop_cli.records.store import EPISODES, METRICS, POLICY, RUN, RunRecord, list_runs
@@ -33,7 +34,7 @@ class Evaluated(NamedTuple):
 
 
 def measurable_runs(
-    root: Path, broken_links: Sequence[float], episodes: int, *, listeners_only: bool = False
+    root: Path, channels: Sequence[Channel], episodes: int, *, listeners_only: bool = False
 ) -> list[RunRecord]:
     """The finished runs in a folder that left a policy, or every episode that is asked for.
 
@@ -50,7 +51,7 @@ def measurable_runs(
         runs = [
             run
             for run in candidates
-            if (run.path / POLICY).is_file() or run.has_episodes(broken_links, episodes)
+            if (run.path / POLICY).is_file() or run.has_episodes(channels, episodes)
         ]
         if runs:
             reason = f"they have neither a policy nor {episodes:,} episodes of each channel"
@@ -61,19 +62,19 @@ def measurable_runs(
 
 def evaluated(
     records: Sequence[RunRecord],
-    broken_links: Sequence[float],
+    channels: Sequence[Channel],
     episodes: int,
     *,
     device: str,
     workers: int,
     keep: ExitStack,
 ) -> Evaluated:
-    """The records with at least `episodes` episodes for each fraction of broken links.
+    """The records with at least `episodes` episodes for each channel.
 
     Published runs are never written to: what they lack is played in a copy that lives as long as
     `keep`. Raises Stopped if a signal asks for it.
     """
-    sound, missing, worst = _sorted_out(records, broken_links, episodes)
+    sound, missing, worst = _sorted_out(records, channels, episodes)
     if not missing:
         return Evaluated(sound, worst)
     check_device(device)
@@ -86,7 +87,7 @@ def evaluated(
         Task(
             root=place.path,
             trained=(place,),
-            broken_links=tuple(broken_links),
+            channels=tuple(channels),
             episodes=episodes,
             device=device,
         )
@@ -104,25 +105,25 @@ def evaluated(
     return Evaluated(found, max(worst, *bad.values(), 0))
 
 
-def only(summary: Summary, broken_links: Sequence[float]) -> Summary:
-    """The summary without the rows of other fractions of broken links."""
+def only(summary: Summary, channels: Sequence[Channel]) -> Summary:
+    """The summary without the rows of other channels."""
     return replace(
         summary,
         arms=tuple(
-            replace(arm, rows=tuple(row for row in arm.rows if row.broken_links in broken_links))
+            replace(arm, rows=tuple(row for row in arm.rows if row.channel in channels))
             for arm in summary.arms
         ),
     )
 
 
 def _sorted_out(
-    records: Sequence[RunRecord], broken_links: Sequence[float], episodes: int
+    records: Sequence[RunRecord], channels: Sequence[Channel], episodes: int
 ) -> tuple[list[RunRecord], set[str], int]:
     """The sound records, the ids of those that lack episodes, and the others' worst exit code."""
     sound, missing, worst = [], set[str](), 0
     for record in records:
         try:
-            if not record.has_episodes(broken_links, episodes):
+            if not record.has_episodes(channels, episodes):
                 if not (record.path / POLICY).is_file():
                     raise RecordError(
                         f"{record.path}: lacks episodes, and its {POLICY} is gone; "

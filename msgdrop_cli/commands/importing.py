@@ -1,7 +1,7 @@
 """`msgdrop import`: archives of runs that another machine trained become run folders here."""
 
-from collections import defaultdict
 from collections.abc import Sequence
+from itertools import chain
 from json import dumps
 from pathlib import Path
 from typing import Annotated, NamedTuple
@@ -115,10 +115,8 @@ def _check_logs(record: RunRecord) -> None:
         raise RecordError(f"{METRICS}: does not end with env_steps {record.env_steps}")
     for metric in metrics.all:
         learning_mean(record, metric.name)
-    played: dict[float, list[float]] = defaultdict(list)
-    for row in record.episodes():
-        played[row["broken_links"]].append(row["episode"])
-    if not played or any(sorted(each) != [*range(len(each))] for each in played.values()):
+    played = [[row["episode"] for row in rows] for rows in record.episodes().values()]
+    if not played or any(sorted(each) != [*range(len(each))] for each in played):
         raise RecordError(f"{EPISODES}: is empty, or an episode is missing or doubled")
     summarise([record])
 
@@ -175,13 +173,13 @@ def _installed(run: _Found) -> _Found:
 def _is_same(record: RunRecord, other: RunRecord) -> bool:
     """Whether `other` is this run; it may have been evaluated further."""
     policy = other.path / POLICY
-    evaluated = set(map(dumps, other.episodes()))
+    evaluated = set(map(dumps, chain(*other.episodes().values())))
     return (
         record.run == other.run
         and log_bytes(record.path / METRICS) == log_bytes(other.path / METRICS)
         and policy.is_file()
         and read_bytes(record.path / POLICY) == read_bytes(policy)
-        and evaluated.issuperset(map(dumps, record.episodes()))
+        and evaluated.issuperset(map(dumps, chain(*record.episodes().values())))
     )
 
 

@@ -8,6 +8,7 @@ from msgdrop_cli.commands import console
 from msgdrop_cli.commands.evaluating import evaluated, measurable_runs
 from msgdrop_cli.commands.reporting import report
 from msgdrop_cli.commands.words import several
+from msgdrop_cli.definition.channel import Channel
 from msgdrop_cli.definition.spec import Claim, Definition
 from msgdrop_cli.records.store import RunRecord
 from msgdrop_cli.report.write import figures_folder
@@ -16,31 +17,31 @@ from msgdrop_cli.report.write import figures_folder
 def measure(
     results: Path,
     *,
-    broken_links: Sequence[float],
+    channels: Sequence[Channel],
     episodes: int,
     workers: int,
     device: str,
     as_json: bool,
     question: Definition | None = None,
 ) -> int:
-    """Report every trained policy in a folder for these fractions of broken links.
+    """Report every trained policy in a folder through each of these channels.
 
     With a question about broken links, runs whose agents hear nobody are left out, its claims are
     judged where both variants are there, and figures are drawn.
     Returns the exit code: that of the worst run that could not be evaluated, or 0.
     Raises DefinitionError for a folder without policies, RecordError and Stopped.
     """
-    runs = measurable_runs(results, broken_links, episodes, listeners_only=question is not None)
+    runs = measurable_runs(results, channels, episodes, listeners_only=question is not None)
     console.note(f"{several(len(runs), 'trained run')} below {results}")
     with ExitStack() as keep:
         records, exit_code = evaluated(
-            runs, broken_links, episodes, device=device, workers=workers, keep=keep
+            runs, channels, episodes, device=device, workers=workers, keep=keep
         )
         if records or as_json:
             report(
                 records,
                 results,
-                broken_links=broken_links,
+                channels=channels,
                 episodes=episodes,
                 claims=_judgeable(question, records) if question else (),
                 of_the_paper=question is not None and question.shipped,

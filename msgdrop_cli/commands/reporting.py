@@ -11,10 +11,11 @@ from msgdrop_cli.commands import console
 from msgdrop_cli.commands.evaluating import only
 from msgdrop_cli.commands.references import references_of
 from msgdrop_cli.commands.words import several
+from msgdrop_cli.definition.channel import Channel
 from msgdrop_cli.definition.spec import Claim
 from msgdrop_cli.records.store import RunRecord
 from msgdrop_cli.report.figures import draw_all
-from msgdrop_cli.report.table import broken_links_table, claims_table, results_table
+from msgdrop_cli.report.table import channels_table, claims_table, results_table
 from msgdrop_cli.report.write import Folder
 
 _TEXT_COLUMNS = 2
@@ -25,7 +26,7 @@ def report(
     records: Sequence[RunRecord],
     root: Path,
     *,
-    broken_links: Sequence[float],
+    channels: Sequence[Channel],
     episodes: int,
     claims: Sequence[Claim] = (),
     of_the_paper: bool = False,
@@ -36,7 +37,7 @@ def report(
 ) -> None:
     """Show one table per group of comparable runs, the claims' verdicts, and the figures' paths.
 
-    With several fractions of broken links a second table stands them side by side. Every number is
+    With several channels a second table stands them side by side. Every number is
     of the first `episodes` of an evaluation. of_the_paper: who states the claims. Reference
     policies are looked for, and kept, in the results folder `root`. The numbers may have taken
     minutes, so they are shown before a figure can fail.
@@ -45,15 +46,15 @@ def report(
     everything = summarise(
         records, order=order, references=references_of(records, root), episodes=episodes
     )
-    summary = only(everything, broken_links)
+    summary = only(everything, channels)
     verdicts = judge_claims(claims, summary)
     if as_json:
         _report_json(everything, summary, verdicts, figures, about or {})
         return
     for group in summary.groups:
-        console.table(results_table(summary, group, broken_links[0]), numbers_from=_TEXT_COLUMNS)
-        if len(broken_links) > 1:
-            console.table(broken_links_table(summary, group), numbers_from=_TEXT_COLUMNS)
+        console.table(results_table(summary, group, channels[0]), numbers_from=_TEXT_COLUMNS)
+        if len(channels) > 1:
+            console.table(channels_table(summary, group), numbers_from=_TEXT_COLUMNS)
     if verdicts:
         _show(verdicts, "Claims of the paper" if of_the_paper else "Claims")
     if figures:
@@ -109,7 +110,7 @@ def _verdict_json(verdict: Verdict) -> dict[str, Any]:
         "environment": claim.environment,
         "metric": claim.metric,
         "measure": claim.measure,
-        "broken_links": claim.broken_links,
+        **claim.channel.entry,
         "group": verdict.group._asdict() if verdict.group else None,
         "verdict": verdict.verdict,
         "reason": verdict.reason,

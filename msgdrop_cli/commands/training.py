@@ -21,6 +21,7 @@ from msgdrop_cli.commands.reporting import report
 from msgdrop_cli.commands.shapes import check_claims
 from msgdrop_cli.commands.survey import Survey, survey
 from msgdrop_cli.commands.words import about, several, size
+from msgdrop_cli.definition.channel import Channel, only_links
 from msgdrop_cli.definition.plan import Plan, plan
 from msgdrop_cli.definition.spec import Definition, PlannedRun
 from msgdrop_cli.definition.strict import one_line
@@ -29,7 +30,6 @@ from msgdrop_cli.records.ours import delete_leftovers
 from msgdrop_cli.records.outcome import Outcome
 from msgdrop_cli.records.planned import plan_run
 from msgdrop_cli.records.store import RunRecord, list_runs, run_path
-from msgdrop_cli.report.table import links_text
 from msgdrop_cli.report.write import figures_folder
 from msgdrop_cli.scheduler import Task, run_tasks
 from msgdrop_cli.stopping import Stopped, graceful_stop
@@ -61,7 +61,7 @@ def carry_out(definition: Definition, options: TrainOptions) -> int:
         workers=options.workers,
         device=options.device,
         episodes=asked.evaluation_episodes,
-        evaluations=len(asked.broken_links),
+        evaluations=len(asked.channels),
     )
     if options.dry_run and options.json:
         console.result_json(_plan_json(asked, looked_up, cost))
@@ -110,7 +110,7 @@ def _train(
         Task(
             root=options.results,
             train=cohort,
-            broken_links=asked.broken_links,
+            channels=asked.channels,
             episodes=asked.evaluation_episodes,
             device=options.device,
         )
@@ -150,7 +150,7 @@ def _report(asked: Plan, options: TrainOptions, outcomes: Sequence[Outcome]) -> 
     with ExitStack() as keep:
         complete, exit_code = evaluated(
             [record for record in done if record.run_id not in lost],
-            asked.broken_links,
+            asked.channels,
             asked.evaluation_episodes,
             device=options.device,
             workers=options.workers,
@@ -172,7 +172,7 @@ def _report(asked: Plan, options: TrainOptions, outcomes: Sequence[Outcome]) -> 
                 claims=asked.claims,
                 of_the_paper=asked.definition.shipped,
                 order=tuple(asked.definition.variants),
-                broken_links=asked.broken_links,
+                channels=asked.channels,
                 figures=figures_folder(options.results, f"{asked.definition.name}-{asked.profile}"),
                 as_json=options.json,
                 about={
@@ -228,7 +228,8 @@ def _plan_facts(
     }
     runs += ": " + ", ".join(f"{count} {word}" for word, count in states.items() if count)
     left = sum(looked_up.env_steps_left(run) for run in looked_up.pending)
-    links = ", ".join(map(links_text, asked.broken_links))
+    through = "links broken" if only_links(asked.channels) else "channels"
+    through += f": {', '.join(channel.word for channel in asked.channels)}"
     workers = several(min(options.workers, len(looked_up.pending)), "worker")
     facts = {
         "title": definition.title,
@@ -243,7 +244,7 @@ def _plan_facts(
     if looked_up.pending:
         facts |= {
             "training": f"{left:,} env steps",
-            "evaluation": f"{asked.evaluation_episodes:,} episodes a run, links broken: {links}",
+            "evaluation": f"{asked.evaluation_episodes:,} episodes a run, {through}",
             "time": f"{about(cost.seconds, *cost.seconds_range)} with {workers} ({cost.source})",
             "memory": f"about {size(cost.memory_bytes)}",
             "disk": f"up to {size(cost.disk_bytes)} in {options.results}",
@@ -261,7 +262,7 @@ def _plan_json(asked: Plan, looked_up: Survey, cost: Estimate) -> dict[str, Any]
             for run in looked_up.runs
         ],
         "env_steps": sum(looked_up.env_steps_left(run) for run in looked_up.pending),
-        "broken_links": list(asked.broken_links),
+        **_entries(asked.channels),
         "evaluation_episodes": asked.evaluation_episodes,
         "seconds": round(cost.seconds),
         "seconds_range": [round(seconds) for seconds in cost.seconds_range],
@@ -269,6 +270,15 @@ def _plan_json(asked: Plan, looked_up: Survey, cost: Estimate) -> dict[str, Any]
         "memory_bytes": cost.memory_bytes,
         "disk_bytes": cost.disk_bytes,
     }
+
+
+def _entries(channels: Sequence[Channel]) -> dict[str, list[float | str]]:
+    """The channels by the words that rows name them with."""
+    entries: dict[str, list[float | str]] = {}
+    for channel in channels:
+        for name, value in channel.entry.items():
+            entries.setdefault(name, []).append(value)
+    return entries
 
 
 def _outcome_json(run: PlannedRun, record: RunRecord | None) -> dict[str, Any]:

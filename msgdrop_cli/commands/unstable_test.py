@@ -35,7 +35,7 @@ def unstable_test(
     question = load_definition(_QUESTION)
     return measure(
         results,
-        broken_links=question.broken_links,
+        channels=question.channels,
         episodes=episodes,
         workers=workers,
         device=device,

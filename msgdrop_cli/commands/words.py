@@ -1,8 +1,8 @@
 """Numbers and short answers as people write them; prints nothing."""
 
+from msgdrop_cli.definition.channel import Channel
+from msgdrop_cli.definition.strict import number
 from msgdrop_cli.errors import DefinitionError
-
-LINKS = {"none": 0.0, "half": 0.5, "all": 1.0}
 
 
 def duration(seconds: float) -> str:
@@ -40,21 +40,21 @@ def several(count: int, word: str) -> str:
     return f"{count:,} {word}{'s' * (count != 1)}"
 
 
-def broken_links(text: str) -> float:
-    """`none`, `half`, `all`, 0.3 or 30%; DefinitionError for anything else."""
-    if text in LINKS:
-        return LINKS[text]
-    return share(text, "--broken-links", "none, half, all, or a share from 0 to 1 (0.3 or 30%)")
-
-
-def share(text: str, option: str, expected: str = "a share from 0 to 1 (0.3 or 30%)") -> float:
-    """`0.3` or `30%`; DefinitionError for anything that is no share from 0 to 1."""
-    number = text.removesuffix("%").strip()
+def channel(text: str, option: str) -> Channel:
+    """`none`, `half`, `all`, 0.3, 30% or `kind:1,0.5`; DefinitionError for anything else."""
     try:
-        # Read as 33.3e-2, since 33.3 / 100 is another number than 0.333, and another run.
-        value = float(number if text == number else f"{number}e-2")
+        return Channel.read(text)
+    except ValueError as error:
+        raise DefinitionError(f"{option}: {error}") from error
+
+
+def share(text: str, option: str) -> float:
+    """`0.3` or `30%`; DefinitionError for anything that is no share from 0 to 1."""
+    try:
+        value = number(text)
     except ValueError:
         value = -1.0
-    if not 0.0 <= value <= 1.0:  # also refuses nan
+    if not 0.0 <= value <= 1.0:
+        expected = "a share from 0 to 1 (0.3 or 30%)"
         raise DefinitionError(f"{option}: expected {expected}, not {text[:40]!r}")
-    return value + 0.0  # -0.0 is 0.0
+    return value

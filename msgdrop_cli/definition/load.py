@@ -7,20 +7,14 @@ import itertools
 import os
 import stat
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from importlib import resources
 from importlib.resources.abc import Traversable
 from pathlib import Path
 from typing import Literal
 
-from msgdrop_cli.definition.spec import (
-    NAME,
-    Claim,
-    Definition,
-    Profile,
-    Variant,
-    check_fractions,
-)
+from msgdrop_cli.definition.channel import NONE_BROKEN, Channel, check_each_once
+from msgdrop_cli.definition.spec import NAME, Claim, Definition, Profile, Variant
 from msgdrop_cli.definition.strict import Where, build, read_toml
 from msgdrop_cli.errors import DefinitionError, nearest
 
@@ -39,7 +33,7 @@ class _ClaimTable:
     worse: str | tuple[str, ...]
     environment: str | tuple[str, ...]
     metric: str
-    broken_links: float = 0.0
+    channel: Channel = field(default=NONE_BROKEN, metadata={"also": "broken_links"})
     measure: Literal["evaluation", "learning"] = "evaluation"
 
 
@@ -49,13 +43,13 @@ class _File:
     question: str
     source: str
     environments: tuple[str, ...]
-    broken_links: tuple[float, ...] = (0.0,)
+    channels: tuple[Channel, ...] = field(default=(NONE_BROKEN,), metadata={"also": "broken_links"})
     variants: Mapping[str, Variant]
     profiles: Mapping[str, Profile]
     claims: tuple[_ClaimTable, ...] = ()
 
     def __post_init__(self) -> None:
-        check_fractions(self.broken_links)
+        check_each_once(self.channels)
 
 
 def load_definition(name_or_path: str) -> Definition:
@@ -127,7 +121,7 @@ def _parsed(name: str, file: str, content: bytes, *, shipped: bool) -> Definitio
         question=read.question,
         source=read.source,
         environments=read.environments,
-        broken_links=read.broken_links,
+        channels=read.channels,
         variants=read.variants,
         profiles=read.profiles,
         claims=tuple(claims),
@@ -182,10 +176,10 @@ def _claims(claim: _ClaimTable, read: _File, where: Where) -> Iterable[Claim]:
     _check_names([claim.metric], where.at("metric"))
     if both := set(better) & set(worse):
         raise where.error(f"{min(both)!r} cannot be better than itself")
-    evaluated = {*read.broken_links}.union(*(p.broken_links or () for p in read.profiles.values()))
-    if claim.broken_links not in evaluated:
-        known = ", ".join(map(str, sorted(evaluated)))
-        raise where.at("broken_links").error(f"no profile evaluates this; evaluated: {known}")
+    evaluated = {*read.channels}.union(*(p.channels or () for p in read.profiles.values()))
+    if claim.channel not in evaluated:
+        known = ", ".join(channel.short for channel in sorted(evaluated))
+        raise where.error(f"no profile evaluates with {claim.channel.label}; evaluated: {known}")
     return [
         Claim(
             says=claim.says,
@@ -194,7 +188,7 @@ def _claims(claim: _ClaimTable, read: _File, where: Where) -> Iterable[Claim]:
             worse=loser,
             environment=environment,
             metric=claim.metric,
-            broken_links=claim.broken_links,
+            channel=claim.channel,
             measure=claim.measure,
         )
         for environment, winner, loser in itertools.product(environments, better, worse)

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from msgdrop_cli.definition.catalogue import Catalogue
+from msgdrop_cli.definition.channel import NONE_BROKEN, Channel
 from msgdrop_cli.definition.overrides import (
     Override,
     applied,
@@ -46,7 +47,7 @@ class Plan:
     profile: str
     runs: tuple[PlannedRun, ...]
     """Environment by environment, variant by variant, seed by seed; no two are one."""
-    broken_links: tuple[float, ...]
+    channels: tuple[Channel, ...]
     evaluation_episodes: int
 
     @property
@@ -57,7 +58,7 @@ class Plan:
             claim
             for claim in self.definition.claims
             if {(claim.environment, claim.better), (claim.environment, claim.worse)} <= arms
-            and (claim.measure == "learning" or claim.broken_links in self.broken_links)
+            and (claim.measure == "learning" or claim.channel in self.channels)
         )
 
 
@@ -100,7 +101,7 @@ def plan(
         definition=definition,
         profile=profile,
         runs=tuple(runs),
-        broken_links=chosen.broken_links or definition.broken_links,
+        channels=chosen.channels or definition.channels,
         evaluation_episodes=chosen.evaluation_episodes,
     )
 
@@ -126,7 +127,7 @@ def ad_hoc_definition(
         question="What does training give?",
         source="the command line",
         environments=(environment,),
-        broken_links=(0.0,),
+        channels=(NONE_BROKEN,),
         variants={name: Variant(label=name, algorithm={"name": name}) for name in algorithms},
         profiles={profile_name: profile},
         claims=(),

@@ -1,9 +1,11 @@
 """The values that say what is to be trained; made by `load` and `plan`, read by everybody."""
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal
+
+from msgdrop_cli.definition.channel import NONE_BROKEN, Channel, check_each_once
 
 NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,63}")
 """Names of definitions, variants, profiles and environments: they become names of folders."""
@@ -82,8 +84,8 @@ class Claim:
     worse: str
     environment: str
     metric: str
-    broken_links: float = 0.0
-    """Fraction of links broken in the evaluation that is compared."""
+    channel: Channel = NONE_BROKEN
+    """Of the evaluation that is compared."""
     measure: Literal["evaluation", "learning"] = "evaluation"
     """`evaluation`: after training; `learning`: the mean of the whole training curve."""
 
@@ -118,8 +120,8 @@ class Profile:
     """Restriction to some of the definition's environments."""
     variants: tuple[str, ...] | None = None
     """Restriction to some of the definition's variants."""
-    broken_links: tuple[float, ...] | None = None
-    """Fractions of links broken in the evaluations, instead of the definition's."""
+    channels: tuple[Channel, ...] | None = field(default=None, metadata={"also": "broken_links"})
+    """One evaluation through each, instead of the definition's."""
     algorithm: Mapping[str, Any] = field(default_factory=dict)
     """Overrides of every variant's algorithm Config."""
     training: Mapping[str, Any] = field(default_factory=dict)
@@ -137,8 +139,8 @@ class Profile:
                 f"evaluation_episodes must be at most {MOST_EPISODES:,},"
                 f" not {self.evaluation_episodes}"
             )
-        if self.broken_links is not None:
-            check_fractions(self.broken_links)
+        if self.channels is not None:
+            check_each_once(self.channels)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -152,19 +154,10 @@ class Definition:
     question: str
     source: str
     environments: tuple[str, ...]
-    broken_links: tuple[float, ...]
-    """Fractions of links broken in the evaluations after training."""
+    channels: tuple[Channel, ...]
+    """One evaluation after training through each."""
     variants: Mapping[str, Variant]
     profiles: Mapping[str, Profile]
     claims: tuple[Claim, ...]
     shipped: bool = False
     """It came with the program, so its claims are the paper's."""
-
-
-def check_fractions(broken_links: Sequence[float]) -> None:
-    """Refuse (ValueError) fractions of broken links that are none, repeated or outside 0 to 1."""
-    if not broken_links or len(set(broken_links)) < len(broken_links):
-        raise ValueError("broken_links needs at least one fraction, each only once")
-    for fraction in broken_links:
-        if not 0.0 <= fraction <= 1.0:
-            raise ValueError(f"broken_links must lie between 0 and 1, not {fraction}")

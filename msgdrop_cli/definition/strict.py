@@ -1,7 +1,6 @@
 """From tables to frozen dataclasses, with one clear line for whatever does not fit.
 
-The casts are int to float and, since people write a million as 1e6, a float without a fraction to
-int: everything else of the wrong type is refused, never converted.
+The casts are int to float and, as people write 1e6, a whole float to int; nothing else is.
 """
 
 import math
@@ -111,12 +110,15 @@ def parse(cls: type[_Dataclass], table: Any, where: Where) -> dict[str, Any]:
     if not isinstance(table, Mapping):
         raise where.error(f"expected a table, not {shown(table)}")
     hints = get_type_hints(cls)
-    known = [field.name for field in fields(cls) if field.init]
-    values = {}
+    names = {name: each.name for each in fields(cls) if each.init for name in _keys(each)}
+    values: dict[str, Any] = {}
     for key, value in table.items():
-        if key not in known:
-            raise where.at(str(key)).error(f"unknown key; {nearest(str(key)[:64], known)}")
-        values[key] = convert(value, hints[key], where.at(key))
+        if key not in names:
+            raise where.at(str(key)).error(f"unknown key; {nearest(str(key)[:64], names)}")
+        if names[key] in values:
+            both = " and ".join(known for known in names if names[known] == names[key])
+            raise where.error(f"{both} are two words for one thing; keep one")
+        values[names[key]] = convert(value, hints[names[key]], where.at(key))
     return values
 
 
@@ -129,7 +131,8 @@ def convert(value: Any, hint: Any, where: Where) -> Any:
     """`value` as the type `hint`; DefinitionError where it is something else.
 
     Knows bool, int, float, str, Any, Literal, Optional and other unions, tuples, string-keyed
-    mappings and dataclasses. Any other annotation is a mistake of ours: TypeError.
+    mappings, dataclasses, and classes that `read` one value (ValueError for what they are not).
+    Any other annotation is a mistake of ours: TypeError.
     """
     origin, arguments = get_origin(hint), get_args(hint)
     if hint is Any:
@@ -146,6 +149,11 @@ def convert(value: Any, hint: Any, where: Where) -> Any:
         if not isinstance(value, Mapping):
             raise _wrong(value, hint, where)
         return {key: convert(entry, arguments[1], where.at(key)) for key, entry in value.items()}
+    if hasattr(hint, "read") and not isinstance(value, hint):
+        try:
+            return hint.read(value)
+        except ValueError as error:
+            raise where.error(str(error)) from None
     if isinstance(hint, type) and is_dataclass(hint):
         return value if isinstance(value, hint) else build(hint, value, where)
     raise TypeError(f"{where}: no reader for fields of type {hint}")
@@ -162,6 +170,19 @@ def whole_number(text: str) -> int:
             if type(value) is int and abs(value) <= _LARGEST_INT:
                 return value
     raise ValueError(f"expected a whole number such as 1000, 1_000 or 1e3, not {shown(text)}")
+
+
+def number(text: str) -> float:
+    """The number that somebody typed: `0.3` or `30%`, which are equal.
+
+    Raises ValueError for any other text and for what is not finite; the caller knows where.
+    """
+    digits = text.removesuffix("%").strip()
+    # Read as 33.3e-2, since 33.3 / 100 is another number than 0.333, and another run.
+    value = float(digits if digits == text else f"{digits}e-2")
+    if not math.isfinite(value):
+        raise ValueError(f"expected a finite number, not {shown(text)}")
+    return value + 0.0  # -0.0 is 0.0
 
 
 def one_line(text: str) -> str:
@@ -256,7 +277,12 @@ def _described(hint: Any) -> str:
         return " or ".join(_described(member) for member in members)
     if get_origin(hint) is tuple:
         return f"a list [{_described(get_args(hint)[0])}, ...]"
-    return "a table"
+    return f"a {hint.__name__.lower()}" if hasattr(hint, "read") else "a table"
+
+
+def _keys(each: Field[Any]) -> list[str]:
+    """The field's name, and the other one that its metadata may give it."""
+    return [each.name, *([each.metadata["also"]] if "also" in each.metadata else [])]
 
 
 def _required(cls: type[_Dataclass]) -> list[str]:

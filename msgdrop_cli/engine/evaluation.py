@@ -1,12 +1,13 @@
-"""Greedy episodes of a trained policy, apart from training, with links broken if asked.
+"""Greedy episodes of a trained policy, apart from training, through a channel.
 
 Every episode is played once by a game of its own and counted whole: nothing favours the short
-ones. Games, starts and broken links come from evaluation streams of the run's seed, so variants
-with the same seed meet the same episodes, and evaluating more cannot change training.
+ones. Games, starts and the channel's numbers come from evaluation streams of the run's seed, so
+variants with the same seed meet the same episodes, and evaluating more cannot change training.
 """
 
 import time
 from collections.abc import Callable
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +15,8 @@ import torch
 from torch import Tensor
 
 from msgdrop_cli.algorithms.registry import learner_class
+from msgdrop_cli.channels import kind_of
+from msgdrop_cli.definition.channel import NONE_BROKEN, Channel
 from msgdrop_cli.definition.run_id import spec_from_dict
 from msgdrop_cli.definition.spec import MOST_LOG_ROWS, RunSpec
 from msgdrop_cli.engine import arithmetic
@@ -21,8 +24,6 @@ from msgdrop_cli.engine.catalogue import catalogue
 from msgdrop_cli.engine.randomness import Streams
 from msgdrop_cli.engine.tensors import check_finite, copy_into, read_tensors
 from msgdrop_cli.errors import DefinitionError, RecordError
-from msgdrop_cli.ops.links import broken_links as break_links
-from msgdrop_cli.ops.links import link_count
 from msgdrop_cli.records.files import read_json, run_lock, write_jsonl_atomic
 from msgdrop_cli.records.store import EPISODES, POLICY, RUN, list_runs
 from msgdrop_envs import autoreset, registry
@@ -33,17 +34,18 @@ from msgdrop_envs.protocol import Environment
 def evaluate(
     run_path: Path,
     *,
-    broken_links: float,
+    channel: Channel,
     episodes: int,
     device: str = "cpu",
     stop: Callable[[], bool] = lambda: False,
 ) -> list[dict[str, Any]]:
-    """Play `episodes` greedy episodes with a fraction of the links broken (paper l. 525).
+    """Play `episodes` greedy episodes whose messages go through `channel`.
 
-    Returns a row an episode: broken_links, episode, steps, finished (it ended by itself), return
-    (summed over agents and steps), and the environment's counts. Which links break is drawn once
-    an episode. `stop` is asked twice a second; if it says so, there are no rows.
-    Raises RecordError if the policy cannot be read or does not fit.
+    Returns a row an episode: the channel's entry, episode, steps, finished (it ended by itself),
+    return (summed over agents and steps), and the environment's counts. `stop` is asked twice a
+    second; if it says so, there are no rows.
+    Raises RecordError if the policy cannot be read or does not fit, DefinitionError for a channel
+    that does not exist.
     """
     spec = _spec_of(run_path)
     env = registry.make(spec.environment_config, device)
@@ -53,22 +55,21 @@ def evaluate(
     copy_into(learner.policy(0), weights, file)
     check_finite(weights, file)
     streams = Streams([spec.seed], device)
-    numbers = streams.uniforms("links", episodes, link_count(env.agents) + 1)
-    keep = break_links(numbers, broken_links, env.agents) if broken_links > 0 else None
+    arriving = _arriving(channel, env.agents, streams, episodes)
 
     def act(games: autoreset.Games, playing: Tensor) -> Tensor:
-        return learner.act_greedily(games.obs, None if keep is None else keep[:, playing])
+        return learner.act_greedily(games.obs, arriving(playing))
 
     table = play_episodes(env, act, streams, episodes, stop)
     if table is None:
         return []
-    return [_row(env, broken_links, n, values) for n, values in enumerate(table.tolist())]
+    return [_row(env, channel, n, values) for n, values in enumerate(table.tolist())]
 
 
 def evaluate_run(
     run_path: Path,
     *,
-    broken_links: float,
+    channel: Channel,
     episodes: int,
     device: str = "cpu",
     stop: Callable[[], bool] = lambda: False,
@@ -79,26 +80,47 @@ def evaluate_run(
     as a whole. Returns the number of episodes played, 0 if `stop` said so. Raises RecordError,
     (75) if another process trains or evaluates the run: one of them would lose its rows.
     """
-    if list_runs(run_path)[0].has_episodes([broken_links], episodes):
+    if list_runs(run_path)[0].has_episodes([channel], episodes):
         return 0
     with run_lock(run_path):
         record = list_runs(run_path)[0]  # again: somebody may have played them meanwhile
-        if record.has_episodes([broken_links], episodes):
+        if record.has_episodes([channel], episodes):
             return 0
-        others = [row for row in record.episodes() if row["broken_links"] != broken_links]
-        if len(others) + episodes > MOST_LOG_ROWS:
-            problem = f"has {len(others):,} episodes of other channels; no more than"
+        played = record.episodes()
+        others = sum(len(each) for known, each in played.items() if known != channel)
+        if others + episodes > MOST_LOG_ROWS:
+            problem = f"has {others:,} episodes of other channels; no more than"
             raise RecordError(
                 f"{run_path / EPISODES}: {problem} {MOST_LOG_ROWS:,} are kept of a run"
             )
-        rows = evaluate(
-            run_path, broken_links=broken_links, episodes=episodes, device=device, stop=stop
-        )
+        rows = evaluate(run_path, channel=channel, episodes=episodes, device=device, stop=stop)
         if not rows:
             return 0
-        ordered = sorted([*others, *rows], key=lambda row: (row["broken_links"], row["episode"]))
-        write_jsonl_atomic(run_path / EPISODES, ordered)
+        played[channel] = rows
+        for each in played.values():
+            each.sort(key=lambda row: row["episode"])
+        write_jsonl_atomic(run_path / EPISODES, chain(*(played[each] for each in sorted(played))))
         return len(rows)
+
+
+def _arriving(
+    channel: Channel, agents: int, streams: Streams, episodes: int
+) -> Callable[[Tensor], Tensor | None]:
+    """What arrives in the next step of the episodes in play: keep [1, E, N, S]; None: everything.
+
+    Every channel reads the same numbers, which are no game's: all of them meet the same games.
+    """
+    if channel == NONE_BROKEN:
+        return lambda playing: None
+    kind = kind_of(channel)
+    state = kind.start(streams.uniforms("links", episodes, kind.episode_uniforms(agents)), agents)
+
+    def arriving(playing: Tensor) -> Tensor:
+        numbers = streams.uniforms("links", episodes, kind.step_uniforms(agents))
+        keep, state[:, playing] = kind.step(state[:, playing], numbers[:, playing], agents)
+        return keep
+
+    return arriving
 
 
 def _spec_of(run_path: Path) -> RunSpec:
@@ -149,12 +171,10 @@ def play_episodes(
     return table
 
 
-def _row(
-    env: Environment, broken_links: float, episode: int, values: list[float]
-) -> dict[str, Any]:
+def _row(env: Environment, channel: Channel, episode: int, values: list[float]) -> dict[str, Any]:
     steps, finished, total, *counts = values
     return {
-        "broken_links": broken_links,
+        **channel.entry,
         "episode": episode,
         "steps": int(steps),
         "finished": bool(finished),

@@ -10,10 +10,12 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, Literal, NamedTuple, get_args
 
+from msgdrop_cli.definition.channel import Channel
 from msgdrop_cli.definition.run_id import spec_to_dict
 from msgdrop_cli.definition.spec import NAME, PlannedRun
 from msgdrop_cli.definition.strict import Where, build, one_line
 from msgdrop_cli.errors import DefinitionError, RecordError
+from msgdrop_cli.records.episodes import by_channel
 from msgdrop_cli.records.files import CANNOT_CREATE, read_json, write_json_atomic
 from msgdrop_cli.records.folders import RUN as RUN
 from msgdrop_cli.records.folders import run_folders
@@ -147,14 +149,14 @@ class RunRecord:
         """The rows of `metrics.jsonl`, none before the first; RecordError if damaged."""
         return _rows(self.path / METRICS, "env_steps")
 
-    def episodes(self, broken_links: float | None = None) -> list[dict[str, Any]]:
-        """The raw evaluation episodes, of all channels or of one fraction of broken links."""
-        rows = _rows(self.path / EPISODES, "broken_links", "episode")
-        return [row for row in rows if broken_links in (None, row["broken_links"])]
+    def episodes(self) -> dict[Channel, list[dict[str, Any]]]:
+        """The raw evaluation episodes, channel by channel; RecordError if damaged."""
+        return by_channel(_rows(self.path / EPISODES, "episode"), log_file(self.path / EPISODES))
 
-    def has_episodes(self, broken_links: Iterable[float], count: int) -> bool:
-        """Whether it has at least `count` episodes of each fraction; RecordError if damaged."""
-        return all(len(self.episodes(fraction)) >= count for fraction in broken_links)
+    def has_episodes(self, channels: Iterable[Channel], count: int) -> bool:
+        """Whether it has at least `count` episodes of each channel; RecordError if damaged."""
+        played = self.episodes()
+        return all(len(played.get(channel, ())) >= count for channel in channels)
 
 
 class Listing(NamedTuple):

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from msgdrop_cli.analysis.curves import SMOOTHING_SHARE, Curve, learning_curve
 from msgdrop_cli.analysis.summary import Group, Summary
-from msgdrop_cli.report.bars import draw_broken_links
+from msgdrop_cli.report.bars import draw_channels
 from msgdrop_cli.report.captions import footer, scale, spread_note
 from msgdrop_cli.report.looks import Look, Shown, shown_arms
 from msgdrop_cli.report.marks import end, label_ends, measure_axis
@@ -42,7 +42,7 @@ def draw_all(summary: Summary, folder: Folder) -> list[Path]:
     kinds = {
         "learning": draw_learning,
         "dropout-rate": draw_dropout_rate,
-        "broken-links": draw_broken_links,
+        "broken-links": draw_channels,
     }
     paths = []
     with own_settings():

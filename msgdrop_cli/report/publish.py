@@ -12,7 +12,7 @@ from msgdrop_cli.errors import RecordError
 from msgdrop_cli.records.files import CANNOT_WRITE, TEMPORARY, write_json_atomic
 from msgdrop_cli.records.packed import log_bytes, pack, packed_name
 from msgdrop_cli.records.store import EPISODES, METRICS, POLICY, RUN, RunRecord
-from msgdrop_cli.report.table import broken_links_table, claims_table, results_table, to_markdown
+from msgdrop_cli.report.table import channels_table, claims_table, results_table, to_markdown
 from msgdrop_cli.report.write import Folder
 
 
@@ -40,8 +40,8 @@ def tables(summary: Summary, verdicts: Sequence[Verdict]) -> str:
     pages = []
     for group in summary.groups:
         pages.append(results_table(summary, group))
-        if len({row.broken_links for arm in summary.arms_of(group) for row in arm.rows}) > 1:
-            pages.append(broken_links_table(summary, group))
+        if len({row.channel for arm in summary.arms_of(group) for row in arm.rows}) > 1:
+            pages.append(channels_table(summary, group))
     if verdicts:
         pages.append(claims_table(verdicts))
     return "\n".join(to_markdown(page) for page in pages)

@@ -11,6 +11,7 @@ from msgdrop_cli.analysis.claims import MINIMUM_SEEDS, Verdict
 from msgdrop_cli.analysis.metrics import NamedMetric
 from msgdrop_cli.analysis.statistics import Interval
 from msgdrop_cli.analysis.summary import Arm, Group, Row, Summary
+from msgdrop_cli.definition.channel import NONE_BROKEN, Channel, title_of
 from msgdrop_cli.records.references import References
 
 NOTHING = "\u2013"
@@ -26,7 +27,7 @@ class Table:
     caption: str
 
 
-def results_table(summary: Summary, group: Group, broken_links: float = 0.0) -> Table:
+def results_table(summary: Summary, group: Group, channel: Channel = NONE_BROKEN) -> Table:
     """The arms of one group after training: seeds, headline with interval, IQM, other metrics."""
     metrics = summary.metrics(group.environment)
     others = metrics.all[1:]
@@ -35,9 +36,9 @@ def results_table(summary: Summary, group: Group, broken_links: float = 0.0) -> 
         (
             arm.label,
             seeds_text(arm),
-            _estimate(row := arm.row(metrics.headline.name, broken_links)),
+            _estimate(row := arm.row(metrics.headline.name, channel)),
             _with_interval(row.iqm, row.iqm_interval) if row else NOTHING,
-            *(_mean(arm.row(each.name, broken_links)) for each in others),
+            *(_mean(arm.row(each.name, channel)) for each in others),
         )
         for arm in arms
     ]
@@ -45,10 +46,9 @@ def results_table(summary: Summary, group: Group, broken_links: float = 0.0) -> 
     rows += _reference_rows(
         references, [metrics.headline.name, None, *(each.name for each in others)]
     )
-    shown = [row for arm in arms for row in arm.rows if row.broken_links == broken_links]
+    shown = [row for arm in arms for row in arm.rows if row.channel == channel]
     evaluation = (
-        f"{_first(shown)}{shown[0].episodes:,} greedy evaluation episodes per seed, "
-        f"{links_text(broken_links)} of the links broken"
+        f"{_first(shown)}{shown[0].episodes:,} greedy evaluation episodes per seed, {channel.label}"
         if shown
         else "not evaluated yet"
     )
@@ -68,28 +68,28 @@ def results_table(summary: Summary, group: Group, broken_links: float = 0.0) -> 
     )
 
 
-def broken_links_table(summary: Summary, group: Group) -> Table:
-    """The headline of every arm of one group for each evaluated fraction of broken links."""
+def channels_table(summary: Summary, group: Group) -> Table:
+    """The headline of every arm of one group for each evaluated channel."""
     headline = summary.metrics(group.environment).headline
     arms = summary.arms_of(group)
-    fractions = sorted({row.broken_links for arm in arms for row in arm.rows})
+    channels = sorted({row.channel for arm in arms for row in arm.rows})
     rows = [
         (
             arm.label,
             seeds_text(arm),
-            *(_estimate(arm.row(headline.name, fraction)) for fraction in fractions),
+            *(_estimate(arm.row(headline.name, channel)) for channel in channels),
         )
         for arm in arms
     ]
     references = summary.references_of(group)
-    rows += _reference_rows(references, [headline.name] * len(fractions))
+    rows += _reference_rows(references, [headline.name] * len(channels))
     shown = [row for arm in arms for row in arm.rows]
     about = _about(summary, group)
     if first := _first(shown):
         about += f"; {first}{shown[0].episodes:,} evaluation episodes per seed"
     return Table(
-        title=f"Broken links, {group.environment} ({_scale(summary, group)})",
-        headers=("variant", "seeds", *(f"{links_text(each)} broken" for each in fractions)),
+        title=f"{title_of(channels)}, {group.environment} ({_scale(summary, group)})",
+        headers=("variant", "seeds", *(each.short for each in channels)),
         rows=tuple(rows),
         caption=f"{headline.label} [95% interval]; {about}. {_headline_note(headline)}"
         + _references_note(references),
@@ -137,17 +137,12 @@ def seeds_text(arm: Arm) -> str:
     return f"{len(arm.done)} ({lost})" if lost else str(len(arm.done))
 
 
-def links_text(fraction: float) -> str:
-    """A fraction of links in words: none, half, all, or percent."""
-    return {0.0: "none", 0.5: "half", 1.0: "all"}.get(fraction, f"{100 * fraction:g}%")
-
-
 def _compared(verdict: Verdict) -> str:
     claim = verdict.claim
     label = claim.metric.replace("_", " ")
     when = "over training" if claim.measure == "learning" else "after training"
-    links = f", {links_text(claim.broken_links)} broken" if claim.broken_links else ""
-    return f"{claim.better} against {claim.worse}: {label} {when}{links}"
+    through = f", {claim.channel.short}" if claim.channel != NONE_BROKEN else ""
+    return f"{claim.better} against {claim.worse}: {label} {when}{through}"
 
 
 def _interval(verdict: Verdict) -> Interval | None:

@@ -1,0 +1,53 @@
+"""Broken links at execution (paper l. 519-541): both directions of a link break together."""
+
+from dataclasses import dataclass
+from itertools import combinations
+
+import torch
+from torch import Tensor
+
+from msgdrop_cli.channels import Arriving
+
+
+@dataclass(frozen=True, slots=True)
+class Links:
+    """Exactly this share of the links is broken, chosen at random once an episode (l. 525)."""
+
+    share: float
+    """Of the links, i.e. unordered pairs of agents; from 0 to 1, as `Channel` sees to."""
+
+    def episode_uniforms(self, agents: int) -> int:
+        """One number orders each link, the last one rounds."""
+        return agents * (agents - 1) // 2 + 1
+
+    def step_uniforms(self, agents: int) -> int:
+        """What is broken stays broken."""
+        return 0
+
+    def start(self, uniforms: Tensor, agents: int) -> Tensor:
+        """Break the links of every game.
+
+        uniforms: [..., L + 1] for L links; 7.5 of 15 links are 7 or 8 with probability 1/2 each
+        (paper-facts 6.3). Returns the keep mask of the whole episode, [..., N, S] float32.
+        Raises ValueError if the shape does not fit.
+        """
+        links = self.episode_uniforms(agents) - 1
+        if uniforms.shape[-1] != links + 1:
+            raise ValueError(f"{links + 1} uniforms are needed for {agents} agents")
+        whole = int(self.share * links)
+        broken = whole + (uniforms[..., -1] < self.share * links - whole).long()  # [...]
+        rank = uniforms[..., :-1].argsort(-1).argsort(-1)  # [..., L], a random order
+        keep = (rank >= broken[..., None]).float()
+        return keep[..., _link_of(agents).to(uniforms.device)]  # [..., N, S]
+
+    def step(self, state: Tensor, uniforms: Tensor, agents: int) -> Arriving:
+        """The same mask again."""
+        return Arriving(keep=state, state=state)
+
+
+def _link_of(agents: int) -> Tensor:
+    """The link between agent i and its sender k, [N, S]."""
+    index = {pair: n for n, pair in enumerate(combinations(range(agents), 2))}
+    return torch.tensor(
+        [[index[min(i, j), max(i, j)] for j in range(agents) if j != i] for i in range(agents)]
+    )
