@@ -33,7 +33,8 @@ class RecordError(MsgdropError):
 def nearest(name: str, known: Iterable[str]) -> str:
     """The tail of an error message that names the nearest known word, or all of them."""
     names = sorted(known)
-    close = difflib.get_close_matches(name, names, n=1)
+    begun = [each for each in names if len(name) > 2 and each.startswith(name)]
+    close = begun or difflib.get_close_matches(name, names, n=1)
     if close:
         return f"did you mean {close[0]!r}?"
     return "known: " + ", ".join(names)

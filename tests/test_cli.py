@@ -107,7 +107,7 @@ def test_time_is_measured_where_it_can_be(store: Store, copy: Store) -> None:
 
     # Two new runs of 200 env steps at 200 / 4 a second; 0.1 s is too short to say anything.
     # The fastest took 2 s, and a quarter more than the likely is always possible.
-    measured = "measured on finished runs here"
+    measured = "measured on finished runs like these"
     assert planned() == (8, [4, 10], measured)
     assert planned("--workers", "2") == (4, [2, 5], measured)
     assert planned("--set", "algorithm.batch_size=64")[2].startswith("rule of thumb")

@@ -92,6 +92,8 @@ def test_lists_in_a_claim_are_every_combination(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
+        ('label = "B 0.2"', 'label = "A"', 'variants."b-0.2".label: \'a\' has it, too; tables '
+         "and figures could not tell them apart"),
         ("title =", "titel =", "titel: unknown key; did you mean 'title'?"),
         ('title = "A title"', "", "'title' is missing"),
         ('title = "A title"', 'title = ""', "title: expected a line of text, not ''"),

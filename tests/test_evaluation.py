@@ -149,6 +149,17 @@ def test_enough_episodes_are_not_played_again(tmp_path: Path) -> None:
     assert len(record.episodes()[Channel.read(0.5)]) == 8
 
 
+def test_channels_meet_the_same_games_however_few_are_asked_for(tmp_path: Path) -> None:
+    """A deaf policy does the same in each episode of two channels; five and two were asked for."""
+    [outcome] = train_cohort([planned("fdc", map_size=3, train_env_steps=160)], tmp_path)
+    none, some = Channel.read(0.0), Channel.read(0.3)
+    assert evaluate_run(outcome.path, channel=none, episodes=5) == 5
+    assert evaluate_run(outcome.path, channel=some, episodes=2) == 5
+    played = list_runs(outcome.path)[0].episodes()
+    without = [[{**row, "broken_links": 0} for row in played[each]] for each in (none, some)]
+    assert without[0] == without[1]
+
+
 def test_a_stopped_evaluation_writes_nothing(tmp_path: Path) -> None:
     """All rows of a channel or none."""
     [outcome] = train_cohort([planned(train_env_steps=160, time_limit=5_000)], tmp_path)

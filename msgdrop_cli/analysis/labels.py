@@ -21,6 +21,11 @@ def without_variant(override: str, variant: str) -> str:
     return override.removeprefix(f"variants.{variant}.")
 
 
+def with_overrides(label: str, variant: str, overrides: Iterable[str]) -> str:
+    """A label with what was overridden, all of it: `DCC-MD 0.2 (rate=0.3)`."""
+    return label + remarks(variant, overrides, {}, ())
+
+
 def remarks(
     variant: str,
     overrides: Iterable[str],

@@ -68,7 +68,7 @@ def estimate(
     Raises DefinitionError for sizes that no machine can address.
     """
     sizes = {run.run_id: run_sizes(run, episodes) for run in looked_up.pending}
-    source = "measured on finished runs here"
+    source = "measured on finished runs like these"
     busy = [(0.0, 0.0, 0.0)] * workers
     for task in tasks:
         alone = []

@@ -50,7 +50,7 @@ def import_archives(
     results: options.Results = Path("results"),
     json: options.Json = False,
 ) -> int:
-    """Turn archives of trained runs into runs of the results folder.
+    """Turn archives of trained runs into runs here.
 
     Everything is checked before anything is written. A run that is there already is left alone.
     """

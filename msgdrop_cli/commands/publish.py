@@ -32,7 +32,7 @@ def publish(
     to: _To = Path("results/published"),
     json: options.Json = False,
 ) -> int:
-    """Copy a question's finished runs to where they can be committed.
+    """Copy a question's finished runs to be committed.
 
     The numbers of every run go along, the policy of each variant's lowest seed, tables, figures.
     """

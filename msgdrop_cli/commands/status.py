@@ -9,6 +9,7 @@ from typing import Any
 
 import typer
 
+from msgdrop_cli.analysis.labels import with_overrides
 from msgdrop_cli.commands import console, options
 from msgdrop_cli.commands.listing import runs_in
 from msgdrop_cli.commands.words import duration, several
@@ -77,7 +78,7 @@ def _line(record: RunRecord, now: dict[str, Any]) -> dict[str, Any]:
     return {
         "environment": record.environment,
         "variant": record.variant,
-        "label": record.label,
+        "label": with_overrides(record.label, record.variant, record.overrides),
         "seed": record.seed,
         "definition": record.definition,
         "profile": record.profile,

@@ -3,11 +3,9 @@
 from collections.abc import Sequence
 from contextlib import ExitStack, suppress
 from pathlib import Path
-from typing import Any
 
 from msgdrop_cli.commands import console
 from msgdrop_cli.commands.estimate import (
-    Estimate,
     check_folder,
     check_memory,
     cohorts,
@@ -16,15 +14,14 @@ from msgdrop_cli.commands.estimate import (
 from msgdrop_cli.commands.evaluating import evaluated
 from msgdrop_cli.commands.fitting import check_fits
 from msgdrop_cli.commands.options import TrainOptions, check_device
+from msgdrop_cli.commands.plan_shown import outcome_json, plan_facts, plan_json
 from msgdrop_cli.commands.progress import Watch, Watched
 from msgdrop_cli.commands.reporting import report
 from msgdrop_cli.commands.shapes import check_claims
 from msgdrop_cli.commands.survey import Survey, survey
-from msgdrop_cli.commands.words import about, several, size
-from msgdrop_cli.definition.channel import Channel, only_links
 from msgdrop_cli.definition.plan import Plan, plan
+from msgdrop_cli.definition.run_id import short_hash
 from msgdrop_cli.definition.spec import Definition, PlannedRun
-from msgdrop_cli.definition.strict import one_line
 from msgdrop_cli.errors import RecordError
 from msgdrop_cli.records.ours import delete_leftovers
 from msgdrop_cli.records.outcome import Outcome
@@ -64,9 +61,9 @@ def carry_out(definition: Definition, options: TrainOptions) -> int:
         evaluations=len(asked.channels),
     )
     if options.dry_run and options.json:
-        console.result_json(_plan_json(asked, looked_up, cost))
+        console.result_json(plan_json(asked, looked_up, cost))
         return 0
-    facts = _plan_facts(asked, looked_up, cost, options)
+    facts = plan_facts(asked, looked_up, cost, options)
     console.facts(facts, is_result=options.dry_run)
     if options.dry_run:
         return 0
@@ -173,12 +170,12 @@ def _report(asked: Plan, options: TrainOptions, outcomes: Sequence[Outcome]) -> 
                 of_the_paper=asked.definition.shipped,
                 order=tuple(asked.definition.variants),
                 channels=asked.channels,
-                figures=figures_folder(options.results, f"{asked.definition.name}-{asked.profile}"),
+                figures=figures_folder(options.results, _figures_of(asked, options)),
                 as_json=options.json,
                 about={
                     "definition": asked.definition.name,
                     "profile": asked.profile,
-                    "runs": [_outcome_json(run, current.get(run.run_id)) for run in looked_up.runs],
+                    "runs": [outcome_json(run, current.get(run.run_id)) for run in looked_up.runs],
                 },
             )
     words = {looked_up.status(run) for run in asked.runs}
@@ -202,95 +199,16 @@ def _place(looked_up: Survey, run: PlannedRun, root: Path) -> Path:
     return record.path if record else run_path(root, run)
 
 
+def _figures_of(asked: Plan, options: TrainOptions) -> str:
+    """The folder's name; what was overridden has one of its own, and writes over no other."""
+    name = f"{asked.definition.name}-{asked.profile}"
+    if not options.overrides:
+        return name
+    return f"{name}-{short_hash({'overrides': list(options.overrides)})}"
+
+
 def _finished_runs(root: Path) -> list[RunRecord]:
     """Runs to learn speeds from; a damaged one elsewhere in the folder is no matter here."""
     with suppress(RecordError):
         return [record for record in list_runs(root) if record.status == "done"]
     return []
-
-
-def _plan_facts(
-    asked: Plan, looked_up: Survey, cost: Estimate, options: TrainOptions
-) -> dict[str, str]:
-    """The plan in words; the keys are the names beside them."""
-    definition = asked.definition
-    variants = list(dict.fromkeys(run.label for run in asked.runs))
-    seeds = sorted({run.spec.seed for run in asked.runs})
-    environments = list(dict.fromkeys(run.spec.environment for run in asked.runs))
-    pending, resumable = len(looked_up.pending), len(looked_up.resumable)
-    runs = several(len(looked_up.runs), "run")
-    diverged = sum(looked_up.status(run) == "diverged" for run in looked_up.runs)
-    states = {
-        "finished": len(looked_up.runs) - pending - diverged,
-        "diverged": diverged,
-        "to go on with": resumable,
-        "new": pending - resumable,
-    }
-    runs += ": " + ", ".join(f"{count} {word}" for word, count in states.items() if count)
-    left = sum(looked_up.env_steps_left(run) for run in looked_up.pending)
-    through = "links broken" if only_links(asked.channels) else "channels"
-    through += f": {', '.join(channel.word for channel in asked.channels)}"
-    workers = several(min(options.workers, len(looked_up.pending)), "worker")
-    facts = {
-        "title": definition.title,
-        "question": definition.question,
-        "source": definition.source,
-        "profile": f"{asked.profile}, on {', '.join(environments)}",
-        **({"overridden": one_line(", ".join(options.overrides))} if options.overrides else {}),
-        "variants": ", ".join(variants),
-        "seeds": ", ".join(map(str, seeds)),
-        "runs": runs,
-    }
-    if looked_up.pending:
-        facts |= {
-            "training": f"{left:,} env steps",
-            "evaluation": f"{asked.evaluation_episodes:,} episodes a run, {through}",
-            "time": f"{about(cost.seconds, *cost.seconds_range)} with {workers} ({cost.source})",
-            "memory": f"about {size(cost.memory_bytes)}",
-            "disk": f"up to {size(cost.disk_bytes)} in {options.results}",
-        }
-    return facts
-
-
-def _plan_json(asked: Plan, looked_up: Survey, cost: Estimate) -> dict[str, Any]:
-    return {
-        "definition": asked.definition.name,
-        "profile": asked.profile,
-        "runs": [
-            _outcome_json(run, looked_up.records.get(run.run_id))
-            | {"env_steps_left": looked_up.env_steps_left(run)}
-            for run in looked_up.runs
-        ],
-        "env_steps": sum(looked_up.env_steps_left(run) for run in looked_up.pending),
-        **_entries(asked.channels),
-        "evaluation_episodes": asked.evaluation_episodes,
-        "seconds": round(cost.seconds),
-        "seconds_range": [round(seconds) for seconds in cost.seconds_range],
-        "seconds_source": cost.source,
-        "memory_bytes": cost.memory_bytes,
-        "disk_bytes": cost.disk_bytes,
-    }
-
-
-def _entries(channels: Sequence[Channel]) -> dict[str, list[float | str]]:
-    """The channels by the words that rows name them with."""
-    entries: dict[str, list[float | str]] = {}
-    for channel in channels:
-        for name, value in channel.entry.items():
-            entries.setdefault(name, []).append(value)
-    return entries
-
-
-def _outcome_json(run: PlannedRun, record: RunRecord | None) -> dict[str, Any]:
-    return {
-        "run_id": run.run_id,
-        "variant": run.variant,
-        "environment": run.spec.environment,
-        "seed": run.spec.seed,
-        "overrides": list(run.overrides),
-        "status": record.status if record else "planned",
-        "reason": record.reason if record else None,
-        "env_steps": record.env_steps if record else 0,
-        "train_env_steps": run.spec.training.train_env_steps,
-        "path": str(record.path) if record else None,
-    }

@@ -139,6 +139,13 @@ def _check(read: _File, where: Where) -> None:
         if not names:
             raise where.at(key).error("expected at least one")
         _check_names(names, where.at(key))
+    labelled: dict[str, str] = {}
+    for name, variant in read.variants.items():
+        if (other := labelled.setdefault(variant.label, name)) != name:
+            place = where.at("variants").at(name).at("label")
+            raise place.error(
+                f"{other!r} has it, too; tables and figures could not tell them apart"
+            )
     for name, profile in read.profiles.items():
         place = where.at("profiles").at(name)
         _check_known(profile.environments, read.environments, place.at("environments"))

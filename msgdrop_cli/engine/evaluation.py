@@ -77,8 +77,10 @@ def evaluate_run(
     """Evaluate, and put the rows into the run's `episodes.jsonl` in one atomic step.
 
     Does nothing if the run has that many already; fewer are replaced, since an evaluation is drawn
-    as a whole. Returns the number of episodes played, 0 if `stop` said so. Raises RecordError,
-    (75) if another process trains or evaluates the run: one of them would lose its rows.
+    as a whole. For the same reason a channel is played as often as any other of the run, if that is
+    more: episode by episode they then meet the same games. Returns the number of episodes played, 0
+    if `stop` said so. Raises RecordError, (75) if another process trains or evaluates the run: one
+    of them would lose its rows.
     """
     if list_runs(run_path)[0].has_episodes([channel], episodes):
         return 0
@@ -88,6 +90,7 @@ def evaluate_run(
             return 0
         played = record.episodes()
         others = sum(len(each) for known, each in played.items() if known != channel)
+        episodes = max(episodes, *map(len, played.values()), 0)
         if others + episodes > MOST_LOG_ROWS:
             problem = f"has {others:,} episodes of other channels; no more than"
             raise RecordError(

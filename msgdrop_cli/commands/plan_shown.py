@@ -1,0 +1,110 @@
+"""A plan as it is shown before anything is trained: in words, and for programs."""
+
+from collections.abc import Sequence
+from typing import Any
+
+from msgdrop_cli.analysis.labels import shared_overrides, with_overrides
+from msgdrop_cli.commands.estimate import Estimate
+from msgdrop_cli.commands.options import TrainOptions
+from msgdrop_cli.commands.survey import Survey
+from msgdrop_cli.commands.words import about, several, size
+from msgdrop_cli.definition.channel import Channel, only_links
+from msgdrop_cli.definition.plan import Plan
+from msgdrop_cli.definition.spec import PlannedRun
+from msgdrop_cli.definition.strict import one_line
+from msgdrop_cli.records.store import RunRecord
+
+
+def plan_facts(
+    asked: Plan, looked_up: Survey, cost: Estimate, options: TrainOptions
+) -> dict[str, str]:
+    """The plan in words; the keys are the names beside them."""
+    definition = asked.definition
+    shared = shared_overrides([run.overrides for run in asked.runs])  # said in a line of their own
+    variants = list(
+        dict.fromkeys(
+            with_overrides(run.label, run.variant, (o for o in run.overrides if o not in shared))
+            for run in asked.runs
+        )
+    )
+    seeds = sorted({run.spec.seed for run in asked.runs})
+    environments = list(dict.fromkeys(run.spec.environment for run in asked.runs))
+    pending, resumable = len(looked_up.pending), len(looked_up.resumable)
+    runs = several(len(looked_up.runs), "run")
+    diverged = sum(looked_up.status(run) == "diverged" for run in looked_up.runs)
+    states = {
+        "finished": len(looked_up.runs) - pending - diverged,
+        "diverged": diverged,
+        "to go on with": resumable,
+        "new": pending - resumable,
+    }
+    runs += ": " + ", ".join(f"{count} {word}" for word, count in states.items() if count)
+    left = sum(looked_up.env_steps_left(run) for run in looked_up.pending)
+    through = "links broken" if only_links(asked.channels) else "channels"
+    through += f": {', '.join(channel.word for channel in asked.channels)}"
+    workers = several(min(options.workers, len(looked_up.pending)), "worker")
+    facts = {
+        "title": definition.title,
+        "question": definition.question,
+        "source": definition.source,
+        "profile": f"{asked.profile}, on {', '.join(environments)}",
+        **({"overridden": one_line(", ".join(options.overrides))} if options.overrides else {}),
+        "variants": ", ".join(variants),
+        "seeds": ", ".join(map(str, seeds)),
+        "runs": runs,
+    }
+    if looked_up.pending:
+        facts |= {
+            "training": f"{left:,} env steps",
+            "evaluation": f"{asked.evaluation_episodes:,} episodes a run, {through}",
+            "time": f"{about(cost.seconds, *cost.seconds_range)} with {workers} ({cost.source})",
+            "memory": f"about {size(cost.memory_bytes)}",
+            "disk": f"up to {size(cost.disk_bytes)} in {options.results}",
+        }
+    return facts
+
+
+def plan_json(asked: Plan, looked_up: Survey, cost: Estimate) -> dict[str, Any]:
+    """The same for programs (`--dry-run --json`)."""
+    return {
+        "definition": asked.definition.name,
+        "profile": asked.profile,
+        "runs": [
+            outcome_json(run, looked_up.records.get(run.run_id))
+            | {"env_steps_left": looked_up.env_steps_left(run)}
+            for run in looked_up.runs
+        ],
+        "env_steps": sum(looked_up.env_steps_left(run) for run in looked_up.pending),
+        **entries(asked.channels),
+        "evaluation_episodes": asked.evaluation_episodes,
+        "seconds": round(cost.seconds),
+        "seconds_range": [round(seconds) for seconds in cost.seconds_range],
+        "seconds_source": cost.source,
+        "memory_bytes": cost.memory_bytes,
+        "disk_bytes": cost.disk_bytes,
+    }
+
+
+def entries(channels: Sequence[Channel]) -> dict[str, list[float | str]]:
+    """The channels by the words that rows name them with."""
+    entries: dict[str, list[float | str]] = {}
+    for channel in channels:
+        for name, value in channel.entry.items():
+            entries.setdefault(name, []).append(value)
+    return entries
+
+
+def outcome_json(run: PlannedRun, record: RunRecord | None) -> dict[str, Any]:
+    """A planned run, and how far it has come."""
+    return {
+        "run_id": run.run_id,
+        "variant": run.variant,
+        "environment": run.spec.environment,
+        "seed": run.spec.seed,
+        "overrides": list(run.overrides),
+        "status": record.status if record else "planned",
+        "reason": record.reason if record else None,
+        "env_steps": record.env_steps if record else 0,
+        "train_env_steps": run.spec.training.train_env_steps,
+        "path": str(record.path) if record else None,
+    }
