@@ -1,7 +1,7 @@
 """A small world for the tests of planning: two environments and a few algorithms, no torch."""
 
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import ClassVar, Literal
 
 from msgdrop_cli.definition.catalogue import Catalogue, NamedAlgorithm, PaperSizes
 from msgdrop_cli.definition.channel import NONE_BROKEN, Channel
@@ -32,6 +32,18 @@ class Learner:
             raise ValueError(f"rate must lie between 0 and 1, not {self.rate}")
 
 
+@dataclass(frozen=True, slots=True)
+class Share:
+    """A channel's dataclass."""
+
+    example: ClassVar[tuple[float, ...]] = (0.5,)
+    rate: float
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.rate <= 1:
+            raise ValueError(f"rate must lie between 0 and 1, not {self.rate}")
+
+
 CATALOGUE = Catalogue(
     environments={"tiny-n2": World(), "tiny-n4": World(agents=4)},
     algorithms={
@@ -44,6 +56,7 @@ CATALOGUE = Catalogue(
         ),
         ("tiny-n4", "lab"): PaperSizes(algorithm={}, training={"train_env_steps": 44}),
     },
+    channels={"links": Share, "loss": Share},
 )
 
 DEFINITION = Definition(

@@ -115,8 +115,8 @@ def test_lists_in_a_claim_are_every_combination(tmp_path: Path) -> None:
         ('worse = ["a"]', 'worse = "b-0.2"', "claims.1: 'b-0.2' cannot be better than itself"),
         ("broken_links = 0.5", "broken_links = 1.0", "claims.1: no profile evaluates "
          "with all of the links broken; evaluated: none broken, half broken"),
-        ("[0.5]", "[1.5]", "profiles.quick.broken_links.1: expected none, half, all, a share (0.3 "
-         "or 30%) or a kind with settings (links:0.3), not 1.5"),
+        ("[0.5]", "[1.5]", "profiles.quick.broken_links.1: expected none, half, all, a share from "
+         "0 to 1 (0.3 or 30%) or kind:settings, not 1.5"),
         ("seeds = 2", "seeds = 2\nevaluation_episodes = 0", "profiles.quick: evaluation_episodes "
          "must be at least 1, not 0"),
     ],

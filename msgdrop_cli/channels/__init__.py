@@ -6,7 +6,7 @@ numbers, are the settings in their order. Training dropout is none of these: see
 
 import importlib
 import pkgutil
-from typing import Any, NamedTuple, Protocol
+from typing import Any, ClassVar, NamedTuple, Protocol
 
 from torch import Tensor
 
@@ -28,6 +28,9 @@ class Kind(Protocol):
 
     A dataclass that raises ValueError for settings out of range.
     """
+
+    example: ClassVar[tuple[float, ...]]
+    """Settings that it takes, for error messages and for the tests of every kind."""
 
     def episode_uniforms(self, agents: int) -> int:
         """Numbers that the start of an episode takes."""

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 from itertools import combinations
+from typing import ClassVar
 
 import torch
 from torch import Tensor
@@ -13,6 +14,7 @@ from msgdrop_cli.channels import Arriving
 class Links:
     """Exactly this share of the links is broken, chosen at random once an episode (l. 525)."""
 
+    example: ClassVar[tuple[float, ...]] = (0.5,)
     share: float
     """Of the links, i.e. unordered pairs of agents; from 0 to 1, as `Channel` sees to."""
 

@@ -27,18 +27,26 @@ def evaluate(
             autocompletion=lambda: list(WORDS),
         ),
     ] = "none",
+    channel: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="KIND:SETTINGS",
+            help="What else messages go through, e.g. links:0.3, which is 30% of them broken.",
+        ),
+    ] = None,
     episodes: options.Episodes = 1_000,
     workers: options.Workers = 2,
     device: options.Device = "cpu",
     json: options.Json = False,
 ) -> int:
-    """Evaluate trained policies, with broken links if asked.
+    """Evaluate trained policies, with broken links or through other channels if asked.
 
     RESULTS is a folder (default: results). Published policies are used if the folder holds no
     others. Episodes that were played before are not played again.
     """
-    asked = words.channel(broken_links, "--broken-links")
-    options.check_channels([asked])
+    asked = [words.channel(broken_links, "--broken-links")]
+    asked += [words.channel(each, "--channel") for each in channel or ()]
+    options.check_channels(asked)
     options.check_workers(workers)
     options.check_episodes(episodes)
     options.check_device_name(device)
@@ -46,7 +54,7 @@ def evaluate(
 
     return measure(
         results,
-        channels=tuple(dict.fromkeys((NONE_BROKEN, asked))),
+        channels=tuple(dict.fromkeys((NONE_BROKEN, *asked))),
         episodes=episodes,
         workers=workers,
         device=device,

@@ -31,13 +31,15 @@ class PaperSizes:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Catalogue:
-    """Every environment and algorithm, with the paper's settings."""
+    """Every environment and algorithm, with the paper's settings, and every channel."""
 
     environments: Mapping[str, Any]
     """Name to frozen Config instance: the paper's setting."""
     algorithms: Mapping[str, NamedAlgorithm]
     paper: Mapping[tuple[str, str], PaperSizes]
     """By environment and learner."""
+    channels: Mapping[str, type[Any]]
+    """Kind to its dataclass, whose fields are the settings."""
 
     def environment(self, name: str) -> Any:
         """The Config of the paper's setting `name`; DefinitionError for an unknown one."""

@@ -15,7 +15,7 @@ LINKS = "links"
 """The paper's kind, broken links (l. 519-541): a share alone means it, and so do old records."""
 WORDS = {"none": 0.0, "half": 0.5, "all": 1.0}
 """Shares of broken links as people say them."""
-_EXPECTED = "expected none, half, all, a share (0.3 or 30%) or a kind with settings (links:0.3)"
+_EXPECTED = "expected none, half, all, a share from 0 to 1 (0.3 or 30%) or kind:settings"
 _KIND = re.compile(r"[a-z][a-z0-9-]{0,63}")
 
 
@@ -42,14 +42,14 @@ class Channel:
 
         Raises ValueError for anything else; a kind that does not exist is not noticed here.
         """
-        if isinstance(value, bool) or not isinstance(value, str | int | float):
+        if not isinstance(value, str | int | float):
             raise ValueError(f"{_EXPECTED}, not {shown(value)}")
         text = str(value).strip()
         if text in WORDS:
             return cls(LINKS, (WORDS[text],))
         kind, colon, settings = text.partition(":")
         try:
-            if not colon and not text[:1].isalpha():
+            if not isinstance(value, str) or not (colon or text[:1].isalpha()):
                 return cls(LINKS, (number(text),))
             return cls(kind, tuple(map(number, settings.split(","))) if colon else ())
         except ValueError as error:
@@ -117,8 +117,9 @@ def build_channel(channel: Channel, kinds: Mapping[str, type[Any]]) -> Any:
     kind = kinds[channel.kind]
     names = [field.name for field in fields(kind)]
     if len(names) != len(channel.settings):
-        takes = f"{channel.kind}:{','.join(names).upper()}" if names else channel.kind
-        raise DefinitionError(f"channel {channel.key}: expected {takes}")
+        takes = ":" * bool(names) + ",".join(names).upper()
+        example = Channel(channel.kind, kind.example).key
+        raise DefinitionError(f"channel {channel.key}: expected {channel.kind}{takes} ({example})")
     try:
         return kind(*channel.settings)
     except ValueError as error:

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from msgdrop_cli.definition.catalogue import Catalogue
-from msgdrop_cli.definition.channel import NONE_BROKEN, Channel
+from msgdrop_cli.definition.channel import NONE_BROKEN, Channel, build_channel
 from msgdrop_cli.definition.overrides import (
     Override,
     applied,
@@ -72,9 +72,9 @@ def plan(
 ) -> Plan:
     """The runs of one profile, with `--set` overrides and seeds that replace the profile's.
 
-    Raises DefinitionError, in one line: unknown profile, environment, algorithm or key, a value
-    of the wrong type or out of range, a seed that is refused, an override of what a variant sets
-    itself, or two variants that are one.
+    Raises DefinitionError, in one line: unknown profile, environment, algorithm, channel or key, a
+    value of the wrong type or out of range, a seed that is refused, an override of what a variant
+    sets itself, or two variants that are one.
     """
     where = Where(definition.file)
     if profile not in definition.profiles:
@@ -96,12 +96,13 @@ def plan(
         for seed in numbers
     ]
     check_arms(changes, arms, catalogue)  # when the values are known to be good
+    channels = _checked_channels(definition, profile, catalogue)
     _check_distinct(runs, where.at("profiles").at(profile))
     return Plan(
         definition=definition,
         profile=profile,
         runs=tuple(runs),
-        channels=chosen.channels or definition.channels,
+        channels=channels,
         evaluation_episodes=chosen.evaluation_episodes,
     )
 
@@ -160,6 +161,21 @@ def _check_distinct(runs: Sequence[PlannedRun], where: Where) -> None:
                 f" {run.spec.environment}: {because}all their settings are equal;"
                 " change or leave out one"
             )
+
+
+def _checked_channels(
+    definition: Definition, profile: str, catalogue: Catalogue
+) -> tuple[Channel, ...]:
+    """The profile's channels, or else the definition's; each exists and takes its settings."""
+    where, channels = Where(definition.file), definition.channels
+    if own := definition.profiles[profile].channels:
+        where, channels = where.at("profiles").at(profile), own
+    for channel in channels:
+        try:
+            build_channel(channel, catalogue.channels)
+        except DefinitionError as error:
+            raise where.error(str(error)) from None
+    return channels
 
 
 def _checked_seeds(seeds: int | tuple[int, ...], where: Where) -> tuple[int, ...]:

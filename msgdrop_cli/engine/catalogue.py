@@ -1,8 +1,9 @@
-"""What can be planned: every environment and learner that stands in a file."""
+"""What can be planned: every environment, learner and channel that stands in a file."""
 
 from typing import Any
 
 from msgdrop_cli.algorithms.registry import learners
+from msgdrop_cli.channels import kinds
 from msgdrop_cli.definition.catalogue import Catalogue, NamedAlgorithm, PaperSizes
 from msgdrop_cli.definition.paper import paper_sizes, sizes_in
 from msgdrop_cli.definition.spec import NAME
@@ -30,6 +31,7 @@ def catalogue() -> Catalogue:
             for known_as, overrides in module.NAMED.items()
         },
         paper=sizes | paper_sizes(environments, configs),
+        channels=kinds(),
     )
 
 

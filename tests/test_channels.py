@@ -1,0 +1,208 @@
+"""Every kind of channel, and the seam: one file in the folder is evaluated, recorded and shown.
+
+The kinds in `toy_channels` are found as if they stood in the folder.
+"""
+
+import json
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+import torch
+from torch import Tensor
+
+from msgdrop_cli import channels
+from msgdrop_cli.channels import kind_of, kinds
+from msgdrop_cli.definition.channel import Channel
+from msgdrop_cli.definition.load import load_definition
+from msgdrop_cli.definition.plan import plan
+from msgdrop_cli.engine import evaluation
+from msgdrop_cli.engine.catalogue import catalogue
+from msgdrop_cli.engine.evaluation import evaluate
+from msgdrop_cli.engine.randomness import Streams
+from msgdrop_cli.engine.run import train_cohort
+from msgdrop_cli.errors import DefinitionError
+from msgdrop_cli.records.store import list_runs
+from tests.cli_runs import QUESTION, Store, copied_store, filled_store, msgdrop
+from tests.runs import planned
+
+TOYS = ("coin", "from-step")
+RUNS, GAMES = 2, 5
+
+
+@pytest.fixture(autouse=True)
+def toys(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    """Two more files in the folder."""
+    folder = Path(__file__).parent / "toy_channels"
+    monkeypatch.setattr(channels, "__path__", [*channels.__path__, str(folder)])
+    yield
+    for toy in TOYS:
+        sys.modules.pop(f"msgdrop_cli.channels.{toy.replace('-', '_')}", None)
+
+
+@pytest.fixture(scope="module")
+def store(tmp_path_factory: pytest.TempPathFactory) -> Store:
+    """Four tiny runs, evaluated with all links."""
+    return filled_store(tmp_path_factory.mktemp("cli"))
+
+
+@pytest.fixture(scope="module")
+def trained(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    """A policy that listens, and one that does not."""
+    root = tmp_path_factory.mktemp("results")
+    return {
+        name: train_cohort([planned(name, train_env_steps=160)], root)[0].path
+        for name in ("dcc-md", "fdc")
+    }
+
+
+def numbers(count: int) -> Tensor:
+    """Uniform numbers of every run and game."""
+    return torch.rand(RUNS, GAMES, count, generator=torch.Generator().manual_seed(count))
+
+
+def test_kinds_are_found_by_their_files() -> None:
+    """The folder's and ours, called like their files."""
+    assert {"links", *TOYS} <= set(kinds())
+
+
+@pytest.mark.parametrize("agents", [2, 3, 8])
+@pytest.mark.parametrize("name", [*kinds(), *TOYS])
+def test_every_kind_keeps_the_contract(name: str, agents: int) -> None:
+    """Masks of 0 and 1 for every message, from what it was given alone, each game by itself."""
+    channel = Channel(name, kinds()[name].example)
+    assert Channel.read(channel.key) == channel
+    kind = kind_of(channel)
+    state = kind.start(numbers(kind.episode_uniforms(agents)), agents)
+    for _ in range(4):
+        uniforms = numbers(kind.step_uniforms(agents))
+        before = state.clone()
+        keep, after = kind.step(state, uniforms, agents)
+        assert torch.equal(state, before)
+        assert (keep.shape, keep.dtype) == ((RUNS, GAMES, agents, agents - 1), torch.float32)
+        assert set(keep.unique().tolist()) <= {0.0, 1.0}
+        assert (after.shape, after.dtype) == (state.shape, state.dtype)
+        some = torch.tensor([3, 1])
+        alone = kind.step(state[:, some], uniforms[:, some], agents)
+        assert torch.equal(alone.keep, keep[:, some])
+        assert torch.equal(alone.state, after[:, some])
+        state = after
+
+
+def played(path: Path, text: str) -> list[object]:
+    """What happened in thirty episodes through this channel, without its name."""
+    rows = evaluate(path, channel=Channel.read(text), episodes=30)
+    return [list(row.items())[1:] for row in rows]
+
+
+def test_losing_nothing_has_the_bits_of_no_channel(trained: dict[str, Path]) -> None:
+    """And losing everything those of all links broken, step by step or once an episode."""
+    whole, broken = (played(trained["dcc-md"], text) for text in ("none", "all"))
+    assert whole != broken
+    assert played(trained["dcc-md"], "coin:0") == played(trained["dcc-md"], "from-step:0") == whole
+    assert played(trained["dcc-md"], "coin:1") == broken
+    assert played(trained["dcc-md"], "from-step:10000") == broken
+
+
+def test_a_channel_knows_what_it_needs_from_the_step_before(trained: dict[str, Path]) -> None:
+    """Three deaf steps are neither none nor all; and the same numbers give the same rows."""
+    three = played(trained["dcc-md"], "from-step:3")
+    assert three == played(trained["dcc-md"], "from-step:3")
+    assert three not in (played(trained["dcc-md"], "none"), played(trained["dcc-md"], "all"))
+    assert played(trained["dcc-md"], "coin:0.3") != played(trained["dcc-md"], "links:0.3")
+
+
+def test_an_episode_has_its_own_numbers_when_others_have_ended() -> None:
+    """What arrives in it does not depend on how long the others last."""
+    everybody, some = torch.arange(6), torch.tensor([4, 1])
+    whole, ended = (
+        evaluation._arriving(Channel.read("coin:0.5"), 4, Streams([1]), 6) for _ in "ab"
+    )
+    whole(everybody)
+    ended(everybody)
+    expected, found = whole(everybody), ended(some)
+    assert expected is not None
+    assert found is not None
+    assert torch.equal(found, expected[:, some])
+
+
+@pytest.mark.parametrize("text", ["links:0.3", "coin:0.3", "from-step:3"])
+def test_who_hears_nobody_meets_the_same_games(text: str, trained: dict[str, Path]) -> None:
+    """FDC's rows do not change, since no channel takes a number from the games."""
+    assert played(trained["fdc"], text) == played(trained["fdc"], "none")
+
+
+def test_a_channel_goes_from_the_command_line_to_the_table(store: Store, tmp_path: Path) -> None:
+    """Played, recorded by its key, shown by its words, and not played again."""
+    copy = copied_store(store, tmp_path)
+    asked = ("--broken-links", "half", "--channel", "coin:0.3", "--episodes", "8", "--workers", "1")
+    said = msgdrop("eval", copy.results, *asked)
+    assert said.code == 0, said.err
+    for words in ("Channels, pursuit-n6", "none broken", "half broken", "coin 0.3"):
+        assert words in " ".join(said.out.split())
+    for record in list_runs(copy.results):
+        rows = record.episodes()[Channel.read("coin:0.3")]
+        assert [row["episode"] for row in rows] == list(range(8))
+        assert {row["channel"] for row in rows} == {"coin:0.3"}
+        assert not any("broken_links" in row for row in rows)
+    again = msgdrop("eval", copy.results, *asked, "--json")
+    assert "played anew" not in again.err
+    rows = json.loads(again.out)["results"]
+    assert {(row.get("broken_links"), row.get("channel")) for row in rows} == {
+        (0.0, None), (0.5, None), (None, "coin:0.3"),
+    }  # fmt: skip
+    assert msgdrop("plot", copy.results).code == 0
+
+
+@pytest.mark.parametrize(
+    ("channel", "message"),
+    [
+        ("coi:0.3", "no channel is called 'coi'; did you mean 'coin'?"),
+        ("coin", "channel coin: expected coin:RATE (coin:0.3)"),
+        ("coin:3", "channel coin:3: rate must lie between 0 and 1, not 3.0"),
+        ("coin:", "--channel: expected none, half, all, a share"),
+    ],
+)
+def test_a_channel_that_there_is_not_is_one_line(channel: str, message: str, store: Store) -> None:
+    """Before anything is played."""
+    said = msgdrop("eval", store.results, "--channel", channel)
+    assert (said.code, said.out, said.err.count("\n")) == (2, "", 1)
+    assert message in said.err
+
+
+def definition(folder: Path, channels_line: str, claim_line: str = "") -> str:
+    """A question's file with these lines in its head and in its claim."""
+    file = folder / "mine.toml"
+    head = f'environments = ["pursuit-n6"]\n{channels_line}'
+    file.write_text(QUESTION.replace('environments = ["pursuit-n6"]', head) + claim_line)
+    return str(file)
+
+
+def test_a_definition_asks_for_channels(tmp_path: Path) -> None:
+    """In its head, and in a claim about one of them."""
+    file = definition(tmp_path, 'channels = ["none", 0.3, "coin:0.3"]', 'channel = "coin:30%"')
+    made = plan(load_definition(file), "quick", catalogue())
+    assert [channel.key for channel in made.channels] == ["links:0", "links:0.3", "coin:0.3"]
+    assert [claim.channel.key for claim in made.claims] == ["coin:0.3"]
+
+
+@pytest.mark.parametrize(
+    ("line", "message"),
+    [
+        ('channels = ["none", "coi:0.3"]', "no channel is called 'coi'; did you mean 'coin'?"),
+        ('channels = ["none", "links:0"]', "expected at least one channel, each only once"),
+        ("channels = []", "expected at least one channel, each only once"),
+        ("channels = 0.5", "channels: expected a list [a channel, ...], not 0.5"),
+        ("channels = [0]\nbroken_links = [0]",
+         "channels and broken_links are two words for one thing; keep one"),
+    ],
+)  # fmt: skip
+def test_a_definition_says_where_a_channel_is_wrong(
+    line: str, message: str, tmp_path: Path
+) -> None:
+    """When it is read, or when it is planned, which is when kinds are known."""
+    file = definition(tmp_path, line)
+    with pytest.raises(DefinitionError) as caught:
+        plan(load_definition(file), "quick", catalogue())
+    assert str(caught.value) == f"{file}: {message}"
