@@ -104,7 +104,7 @@ def test_time_stops_it(
     monkeypatch.setattr(limited_time, "_NOTICE_S", 0.7)
     monkeypatch.setattr(limited_time, "measure", lambda *_: limited_time.Speeds(1e9, 1e9))
     began = time.monotonic()
-    long = ("--set", "training.train_env_steps=100_000_000", "--seeds", "1")
+    long = ("--set", "training.train_env_steps=5_000_000", "--seeds", "1")
     assert campaign.main([*arguments(store.question, tmp_path, *long), "--minutes", "0.06"]) == 0
     assert time.monotonic() - began < 3.6
     assert state(tmp_path) == [("dcc", 1, "interrupted"), ("md-0.2", 1, "planned")]

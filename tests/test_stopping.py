@@ -42,7 +42,7 @@ def start(tmp_path: Path) -> Iterator[Start]:
     def begin(workers: int) -> "subprocess.Popen[str]":
         sets = [
             part
-            for each in (*TINY, "training.train_env_steps=90000000")
+            for each in (*TINY, "training.train_env_steps=5000000")
             for part in ("--set", each)
         ]
         command = ["train", "--seeds", "2", "--workers", str(workers), "--results", str(tmp_path)]
@@ -138,7 +138,7 @@ def test_a_stopped_worker_is_given_up(tmp_path: Path, monkeypatch: pytest.Monkey
         os.kill(workers_of(os.getpid())[0], signal.SIGSTOP)
         os.kill(os.getpid(), signal.SIGINT)
 
-    runs = tiny_runs(steps=90_000_000)
+    runs = tiny_runs(steps=5_000_000)
     with graceful_stop() as control:
         thread = when_at_work(tmp_path, 2, freeze_one)
         outcomes = run_tasks(tasks_for(runs, tmp_path), control, workers=2)
