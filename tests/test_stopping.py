@@ -41,9 +41,7 @@ def start(tmp_path: Path) -> Iterator[Start]:
 
     def begin(workers: int) -> "subprocess.Popen[str]":
         sets = [
-            part
-            for each in (*TINY, "training.train_env_steps=5000000")
-            for part in ("--set", each)
+            part for each in (*TINY, "training.train_env_steps=5000000") for part in ("--set", each)
         ]
         command = ["train", "--seeds", "2", "--workers", str(workers), "--results", str(tmp_path)]
         paths = os.pathsep.join(str(ROOT / part) for part in ("", "envs", "ablations"))

@@ -21,6 +21,8 @@ _HEADERS = ("environment", "variant", "profile", "status", "seed", "env steps", 
 _PUBLISHED_HEADERS = ("question", "environment", "variant", "profile", "seeds", "env steps")
 _TEXT_COLUMNS = 4
 """The columns after them hold numbers."""
+_LABEL = 24
+"""Letters of a label in the table, so that the status word has room beside it on 80 columns."""
 _SILENT_S = 30.0
 """A run at work writes about once a second; who is silent for so long may have been killed."""
 
@@ -110,7 +112,7 @@ def _cells(line: dict[str, Any]) -> tuple[str, ...]:
         left = None
     return (
         line["environment"],
-        line["label"],
+        line["label"] if len(line["label"]) <= _LABEL else f"{line['label'][: _LABEL - 1]}…",
         line["profile"],
         word,
         str(line["seed"]),
