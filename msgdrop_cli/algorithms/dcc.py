@@ -132,6 +132,7 @@ class DCC:
         unit = env.observation_size if config.dropout == "element" else 1
         self._mask_shape = (self._agents, config.batch_size, dropped, unit)
         self.init_uniforms = self._agents * parameter_count(network.layers)
+        self._keeps_own = scale.new_ones(len(self.scale), config.batch_size, 1, unit)
         self.act_uniforms, self.update_uniforms = 2, math.prod(self._mask_shape)
         self.updates, self._means = 0, cohort.RunningMeans(self._runs, device)
         self._computes = self._computed_by(env, device)
@@ -145,8 +146,7 @@ class DCC:
         sample, agent and sender; the own observation is kept, unless `drops_own`.
         """
         keep = keep_mask(uniforms.view(len(uniforms), *self._mask_shape), self.rate).flatten(0, 1)
-        own = keep.new_ones(*keep.shape[:2], 0 if self.config.drops_own else 1, keep.shape[3])
-        return cat((own, keep), 2)
+        return keep if self.config.drops_own else cat((self._keeps_own, keep), 2)
 
     def minimise(self, minibatch: Minibatch, keep: Tensor, step: int) -> tuple[Tensor, Tensor]:
         """Minimise DCC-MD's loss (label eq:5) by one step of Adam; keep [G, B, 1+S, 1 or O].

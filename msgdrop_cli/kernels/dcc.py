@@ -77,7 +77,8 @@ class DCCKernel:
         assert functions is not None
         functions.dcc_scratch_bytes.restype = c_int64
         self._functions, self._shown, self._dtype = functions, shown, dtype
-        self._scale = scale.expand(-1, batch_size, -1, -1)  # every row's, at one place
+        self._kept = scale  # as long as its place is known to C
+        self._scale = _factors(scale.expand(-1, batch_size, -1, -1))  # every row's, at one place
         self._learning_rate, self._gamma, self._huber = learning_rate, gamma, huber
         self._parameters = parameters(parts)
         online = parts["online"]
@@ -104,7 +105,7 @@ class DCCKernel:
             byref(self._parameters),
             byref(_memory(minibatch)),
             byref(_factors(keep)),
-            byref(_factors(self._scale)),
+            byref(self._scale),
             byref(DCCRule(self._gamma, self._huber, step_of_adam, size)),
             self._buffers(2 * size),
             byref(self._outcome),
