@@ -174,15 +174,18 @@ def _finish(device: str) -> None:
 def measure_all(report: Report, device: str) -> None:
     """Every line, the most telling ones first."""
     report.add("machine", lambda: machine(device))
-    report.add("CUDA tests", lambda: cuda_tests(min(TESTS_S, report.left_s / 2)))
     for name, ceiling in ceilings(device):
         report.add(name, ceiling)
-    for cohort in COHORTS if device == "cuda" else [Cohort("pursuit-n6", "dcc-md", 2)]:
-        for graphs in (True, False) if device == "cuda" else (False,):
-            how = "graphs" if graphs else "steps"
-            name = f"{cohort.runs} x {cohort.environment}, {how}"
-            report.add(name, lambda c=cohort, g=graphs: throughput(c, device, g))  # type: ignore[misc]
-    report.add("where an eager step goes", lambda: kernels(COHORTS[0], device))
+    cohorts = COHORTS if device == "cuda" else [Cohort("pursuit-n6", "dcc-md", 2)]
+    graphs = device == "cuda"
+    for cohort in cohorts[:2]:
+        report.add(cohort.name, lambda c=cohort: throughput(c, device, graphs))  # type: ignore[misc]
+    report.add("where a step goes", lambda: kernels(COHORTS[0], device))
+    report.add("CUDA tests", lambda: cuda_tests(min(TESTS_S, report.left_s / 2)))
+    for cohort in cohorts[2:]:
+        report.add(cohort.name, lambda c=cohort: throughput(c, device, graphs))  # type: ignore[misc]
+    if graphs:
+        report.add("told step by step", lambda: throughput(COHORTS[0], device, False))
 
 
 @arithmetic.settled()

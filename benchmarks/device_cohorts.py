@@ -24,6 +24,11 @@ class Cohort:
     algorithm: str
     runs: int
 
+    @property
+    def name(self) -> str:
+        """For people."""
+        return f"{self.runs} x {self.environment}"
+
 
 COHORTS = (
     Cohort("pursuit-n6", "dcc-md", 49),
@@ -90,24 +95,27 @@ def throughput(cohort: Cohort, device: str, graphs: bool) -> dict[str, float]:
     return {**row, "peak_gib": torch.cuda.max_memory_allocated() / 2**30} if cuda else row
 
 
-def kernels(cohort: Cohort, device: str, steps: int = 5) -> dict[str, Any]:
-    """The kernels of an eager step with its updates: how many, how long, and the longest kinds."""
-    training = in_the_middle(
-        cohort if device == "cuda" else Cohort("pursuit-n6", "dcc-md", 1), device
-    )
-    for _ in range(3):
-        training.advance()
+def kernels(cohort: Cohort, device: str) -> dict[str, Any]:
+    """The kernels of a step with its updates: how many, how long, and the longest kinds.
+
+    On a GPU those of a recorded chunk, by the step; on the CPU torch's operators.
+    """
+    cuda = device == "cuda"
+    training = in_the_middle(cohort if cuda else Cohort("pursuit-n6", "dcc-md", 1), device)
+    chunks = Chunks(training, recorder(device))
+    for _ in range(WARM_CHUNKS if cuda else 3):
+        chunks.advance(STEPS)
     activity = torch.profiler.ProfilerActivity
-    kind = activity.CUDA if device == "cuda" else activity.CPU
-    with torch.profiler.profile(activities=[kind]) as profile:
-        for _ in range(steps):
-            training.advance()
-        _finish(device == "cuda")
-    key = "self_device_time_total" if device == "cuda" else "self_cpu_time_total"
+    first = training.env_steps
+    with torch.profiler.profile(activities=[activity.CUDA if cuda else activity.CPU]) as profile:
+        chunks.advance(STEPS)
+        _finish(cuda)
+    steps = (training.env_steps - first) // training.games_each
+    key = "self_device_time_total" if cuda else "self_cpu_time_total"
     found = sorted(profile.key_averages(), key=lambda e: getattr(e, key), reverse=True)
     lines = [
         f"{getattr(e, key) / steps:9.1f} us {e.count / steps:6.1f} times  {e.key[:100]}"
-        for e in found[:25]
+        for e in found[:40]
     ]
     busy_us = sum(getattr(e, key) for e in found) / steps
     return {"kernels": sum(e.count for e in found) / steps, "busy_us": busy_us, "lines": lines}

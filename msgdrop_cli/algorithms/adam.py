@@ -5,6 +5,7 @@ from contextlib import contextmanager
 from functools import cached_property
 
 import torch
+from torch import Tensor
 
 from msgdrop_cli.networks.stacked import Stacked
 from msgdrop_cli.ops.td import clip_factors
@@ -21,7 +22,7 @@ class Adam:
         max_gradient_norm: float,
         device: torch.device | str,
     ) -> None:
-        self._weights, self._device = weights, device
+        self._weights = weights
         self._learning_rate, self._max_gradient_norm = learning_rate, max_gradient_norm
         # Moments that are Stacked too, so that a run's share can be taken out.
         self.moments = {
@@ -34,22 +35,19 @@ class Adam:
     def descent(self) -> Iterator[Stacked]:
         """Yields the weights for a loss whose backward pass the caller runs, then steps down.
 
-        Everything else runs in inference mode, whose tensors autograd refuses: the weights are a
-        copy, and what is made within the block is not one of those tensors.
+        Everything else runs in inference mode, whose tensors autograd refuses: what the loss needs
+        is made within the block.
         """
         with torch.inference_mode(False), torch.enable_grad():
-            theta = self._weights.copy(learns=True)
+            theta = self._weights.leaf()
             yield theta
-        assert theta.flat.grad is not None
-        self._gradient.flat.copy_(theta.flat.grad)
+        gradient = theta.flat.grad
+        assert gradient is not None
         if self._max_gradient_norm > 0:
-            self._clip()
+            self._clip(gradient)
+        self._weights.flat.grad = gradient
         self._adam.step()
-
-    @cached_property
-    def _gradient(self) -> Stacked:
-        """Made at the first step: a compiled run needs none."""
-        return Stacked(self._weights.layers, self._weights.networks, self._device)
+        self._weights.flat.grad = None
 
     def resume_at(self, steps: int) -> None:
         """Set how many steps the moments have seen."""
@@ -59,7 +57,6 @@ class Adam:
     def _adam(self) -> torch.optim.Adam:
         """Made at the first step: it imports 70 MB, and a compiled run needs none of it."""
         weights = self._weights.flat
-        weights.grad = self._gradient.flat
         # On a GPU the step may be captured in a graph, and may as well not be: both are meant.
         adam = torch.optim.Adam(
             [weights], lr=self._learning_rate, fused=True, capturable=weights.is_cuda
@@ -69,8 +66,9 @@ class Adam:
         adam.state[weights] = {"step": self._steps, **flats}
         return adam
 
-    def _clip(self) -> None:
-        views = self._gradient.of_networks(0, self._gradient.networks).values()
+    def _clip(self, gradient: Tensor) -> None:
+        stacked = Stacked(self._weights.layers, self._weights.networks, flat=gradient)
+        views = stacked.of_networks(0, stacked.networks).values()
         rows = torch.cat([view.flatten(1) for view in views], 1)  # [G, parameters]
         factors = clip_factors(rows, self._max_gradient_norm)
         for view in views:

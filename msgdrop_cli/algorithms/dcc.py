@@ -169,7 +169,7 @@ class DCC:
 
     def q(self, weights: Stacked, om: Tensor, factor: Tensor) -> Tensor:
         """Q [G, B, A] of own observations and messages [G, B, 1+S, O] times factors of them."""
-        return self.network.forward(weights, apply_keep(om.float(), factor).flatten(2))
+        return self.network.forward(weights, apply_keep(om, factor).flatten(2))
 
     def q_values(self, obs: Tensor, factor: Tensor) -> Tensor:
         """Q of the online networks [G, E, A]; obs [R, E, N, O], factor [G, E, 1+S, 1]."""

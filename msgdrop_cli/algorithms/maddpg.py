@@ -163,7 +163,7 @@ class MADDPG:
             own, _, others = seen
             with self.actors.descent() as theta_mu:  # the policy gradient (l. 277)
                 action = self.actor.forward(theta_mu, own).tanh()  # the others' as replayed
-                q_mu = self.critic.forward(self.critics.online.copy(), own, action, others)
+                q_mu = self.critic.forward(self.critics.online, own, action, others)
                 (-q_mu.mean((1, 2)).sum()).backward()
         return loss.detach(), q.detach()
 

@@ -34,23 +34,23 @@ class Stacked:
         *,
         flat: Tensor | None = None,
     ) -> None:
-        """Zeros, or the numbers of `flat`, which is as long as another Stacked's of the kind."""
+        """Zeros, or views of `flat`, which is as long as another Stacked's of the kind."""
         self.layers = layers
         self.networks = networks
-        sizes = [networks * (i + 1) * o for i, o in layers.values()]
-        padded = math.ceil(sum(sizes) / 64) * 64
-        self.flat = torch.zeros(padded, device=device) if flat is None else flat
-        self.views: dict[str, Dense] = {}
-        start = 0
-        for (name, (i, o)), size in zip(layers.items(), sizes, strict=True):
-            weight, bias = self.flat[start : start + size].split([networks * i * o, networks * o])
-            self.views[name] = Dense(weight.view(networks, i, o), bias.view(networks, 1, o))
-            start += size
+        shapes = [(networks, *s) for i, o in layers.values() for s in ((i, o), (1, o))]
+        sizes = [math.prod(shape) for shape in shapes]
+        padding = -sum(sizes) % 64
+        # Made outside inference mode, in which training runs: its tensors autograd refuses.
+        with torch.inference_mode(False):
+            self.flat = torch.zeros(sum(sizes) + padding, device=device) if flat is None else flat
+            # One split: its backward pass puts all gradients together at once.
+            parts = self.flat.split([*sizes, padding])[:-1]
+            views = [part.view(shape) for part, shape in zip(parts, shapes, strict=True)]
+        self.views = {name: Dense(*views[2 * n : 2 * n + 2]) for n, name in enumerate(layers)}
 
-    def copy(self, *, learns: bool = False) -> "Stacked":
-        """The same numbers in a tensor of their own, for autograd; with a gradient if it learns."""
-        flat = self.flat.clone().requires_grad_(learns)
-        return Stacked(self.layers, self.networks, flat=flat)
+    def leaf(self) -> "Stacked":
+        """The same numbers in the same place, as a leaf of autograd, which collects a gradient."""
+        return Stacked(self.layers, self.networks, flat=self.flat.detach().requires_grad_())
 
     def __getitem__(self, layer: str) -> Dense:
         return self.views[layer]
