@@ -29,12 +29,12 @@ if __name__ == "__main__":
 
 from benchmarks.limited_time import STATE, Campaign, counts
 from msgdrop_cli import app
-from msgdrop_cli.commands.estimate import check_folder
-from msgdrop_cli.commands.options import check_device, check_device_name, check_workers
+from msgdrop_cli.commands.parts.estimate import check_folder
+from msgdrop_cli.commands.parts.options import check_device, check_device_name, check_workers
 from msgdrop_cli.definition.load import load_definition
 from msgdrop_cli.definition.plan import parse_seeds, plan
-from msgdrop_cli.engine.catalogue import catalogue
 from msgdrop_cli.engine.facts import commit
+from msgdrop_cli.engine.offers import catalogue
 from msgdrop_cli.errors import DefinitionError, MsgdropError, RecordError
 from msgdrop_cli.records.files import BUSY, read_json, run_lock
 

@@ -7,8 +7,8 @@ from typing import Any
 import torch
 
 from msgdrop_cli.definition.spec import RunSpec, TrainingSpec
-from msgdrop_cli.engine.catalogue import catalogue
 from msgdrop_cli.engine.graphs import STEPS, Chunks, recorder
+from msgdrop_cli.engine.offers import catalogue
 from msgdrop_cli.engine.training import Training
 
 WARM_CHUNKS = 45

@@ -11,7 +11,7 @@ from benchmarks.plain.dqn import EPSILON
 from benchmarks.plain.measure import WARM_ENV_STEPS
 from benchmarks.plain.stopwatch import PARTS
 from msgdrop_cli.definition.spec import RunSpec, TrainingSpec
-from msgdrop_cli.engine.catalogue import catalogue
+from msgdrop_cli.engine.offers import catalogue
 from msgdrop_cli.engine.training import Training
 from msgdrop_envs.protocol import Environment
 

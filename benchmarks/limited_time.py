@@ -17,9 +17,9 @@ from typing import Any
 
 import torch
 
-from msgdrop_cli.commands.estimate import check_folder, check_memory
-from msgdrop_cli.commands.shapes import Sizes, check_claims, run_sizes
-from msgdrop_cli.commands.survey import survey
+from msgdrop_cli.commands.parts.estimate import check_folder, check_memory
+from msgdrop_cli.commands.parts.shapes import Sizes, check_claims, run_sizes
+from msgdrop_cli.commands.parts.survey import survey
 from msgdrop_cli.definition.cohorts import group
 from msgdrop_cli.definition.plan import Plan
 from msgdrop_cli.definition.spec import PlannedRun

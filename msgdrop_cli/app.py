@@ -18,15 +18,15 @@ import typer
 from msgdrop_cli import __version__
 from msgdrop_cli.commands import (
     ablate,
-    console,
     eval,
-    importing,
+    import_archives,
     plot,
     publish,
     status,
     train,
     unstable_test,
 )
+from msgdrop_cli.commands.parts import console
 from msgdrop_cli.definition.strict import one_line
 from msgdrop_cli.errors import MsgdropError
 from msgdrop_cli.stopping import Stopped
@@ -49,7 +49,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     context_settings={"max_content_width": 100, "help_option_names": ["-h", "--help"]},
 )
-for _command in (ablate, train, eval, unstable_test, plot, status, publish, importing):
+for _command in (ablate, train, eval, unstable_test, plot, status, publish, import_archives):
     app.add_typer(_command.app)
 
 

@@ -8,7 +8,7 @@ from msgdrop_cli.definition.channel import NONE_BROKEN
 from msgdrop_cli.definition.load import load_definition
 from msgdrop_cli.definition.plan import plan
 from msgdrop_cli.definition.spec import PlannedRun
-from msgdrop_cli.engine.catalogue import catalogue
+from msgdrop_cli.engine.offers import catalogue
 from msgdrop_cli.records.files import read_json
 from msgdrop_cli.scheduler import Task
 

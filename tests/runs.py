@@ -7,7 +7,7 @@ from pathlib import Path
 
 from msgdrop_cli.definition.run_id import run_id
 from msgdrop_cli.definition.spec import PlannedRun, RunSpec, TrainingSpec
-from msgdrop_cli.engine.catalogue import catalogue
+from msgdrop_cli.engine.offers import catalogue
 
 
 def planned(

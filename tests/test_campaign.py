@@ -13,11 +13,11 @@ from pathlib import Path
 import pytest
 
 from benchmarks import campaign, limited_time
-from msgdrop_cli.commands.shapes import Sizes
+from msgdrop_cli.commands.parts.shapes import Sizes
 from msgdrop_cli.definition.load import load_definition
 from msgdrop_cli.definition.plan import plan
 from msgdrop_cli.engine import run
-from msgdrop_cli.engine.catalogue import catalogue
+from msgdrop_cli.engine.offers import catalogue
 from msgdrop_cli.records.archive import contents
 from msgdrop_cli.records.files import run_lock
 from msgdrop_cli.records.store import list_runs

@@ -18,8 +18,8 @@ from msgdrop_cli.definition.channel import Channel
 from msgdrop_cli.definition.load import load_definition
 from msgdrop_cli.definition.plan import plan
 from msgdrop_cli.engine import evaluation
-from msgdrop_cli.engine.catalogue import catalogue
 from msgdrop_cli.engine.evaluation import evaluate
+from msgdrop_cli.engine.offers import catalogue
 from msgdrop_cli.engine.randomness import Streams
 from msgdrop_cli.engine.run import train_cohort
 from msgdrop_cli.errors import DefinitionError

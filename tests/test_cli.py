@@ -9,7 +9,7 @@ import pytest
 
 from msgdrop_cli import scheduler
 from msgdrop_cli.__main__ import greeting
-from msgdrop_cli.commands import words
+from msgdrop_cli.commands.parts import words
 from msgdrop_cli.definition.channel import Channel
 from msgdrop_cli.errors import DefinitionError
 from msgdrop_cli.records.outcome import Outcome

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from msgdrop_cli.commands import words
+from msgdrop_cli.commands.parts import words
 from msgdrop_cli.engine import evaluation
 from msgdrop_cli.errors import RecordError
 from tests.cli_runs import Store, copied_store, filled_store, msgdrop

@@ -8,16 +8,16 @@ from pathlib import Path
 import pytest
 import torch
 
-from msgdrop_cli.algorithms.registry import learner_class
-from msgdrop_cli.commands import estimate
-from msgdrop_cli.commands.shapes import on_no_device, run_sizes
+from msgdrop_cli.algorithms.discovery import learner_class
+from msgdrop_cli.commands.parts import estimate
+from msgdrop_cli.commands.parts.shapes import on_no_device, run_sizes
 from msgdrop_cli.definition.load import load_definition
 from msgdrop_cli.definition.plan import ad_hoc_definition, plan
 from msgdrop_cli.definition.run_id import spec_to_dict
 from msgdrop_cli.definition.spec import PlannedRun, Profile
 from msgdrop_cli.engine import facts
-from msgdrop_cli.engine.catalogue import catalogue
 from msgdrop_cli.engine.checkpoint import Checkpoints
+from msgdrop_cli.engine.offers import catalogue
 from msgdrop_cli.engine.run import _Session, train_cohort
 from msgdrop_cli.records.store import RunRecord
 from msgdrop_envs import registry

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 import torch
 
-from msgdrop_cli.commands import importing
+from msgdrop_cli.commands import import_archives
 from msgdrop_cli.engine.tensors import read_tensors, write_tensors
 from msgdrop_cli.records.archive import install, pack, write_archive
 from msgdrop_cli.records.store import RunRecord, find_run, list_runs
@@ -235,7 +235,7 @@ def test_slower_of_two_imports_finds_the_run(
         install(record, target)
         install(record, target)
 
-    monkeypatch.setattr(importing, "install", first_the_other)
+    monkeypatch.setattr(import_archives, "install", first_the_other)
     said = msgdrop("import", archive, "--results", tmp_path)
     assert said.code == 0, said.err
     assert "0 runs imported, 4 already there" in said.err

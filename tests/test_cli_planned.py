@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from msgdrop_cli.commands import training
+from msgdrop_cli.commands.parts import carry_out
 from msgdrop_cli.errors import RecordError
 from msgdrop_cli.records.archive import pack
 from msgdrop_cli.records.files import run_lock
@@ -36,7 +36,7 @@ def stopped(store: Store, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> St
         return []
 
     with monkeypatch.context() as patch:
-        patch.setattr(training, "run_tasks", stop)
+        patch.setattr(carry_out, "run_tasks", stop)
         asked = store._replace(results=tmp_path / "results")
         said = asked.ablate()
     assert said.code == 130, said.err

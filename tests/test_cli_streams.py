@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 from rich.console import Console
 
-from msgdrop_cli.commands import console
+from msgdrop_cli.commands.parts import console
 from tests.cli_runs import ROOT
 
 HEADERS = ("run", "env steps", "done", "env steps/s", "now", "left")

@@ -12,7 +12,7 @@ import pytest
 import typer
 
 from msgdrop_cli import app
-from msgdrop_cli.commands import words
+from msgdrop_cli.commands.parts import words
 from msgdrop_cli.definition.channel import Channel
 from tests.cli_runs import QUESTION, ROOT, msgdrop
 from tests.test_rooms import HEAVY

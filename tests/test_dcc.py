@@ -7,7 +7,7 @@ import pytest
 import torch
 
 from msgdrop_cli.algorithms.dcc import DCC, NAMED, Config
-from msgdrop_cli.engine.catalogue import catalogue
+from msgdrop_cli.engine.offers import catalogue
 from msgdrop_cli.errors import DefinitionError
 from msgdrop_envs import registry
 from tests.dcc_samples import (

@@ -10,7 +10,7 @@ import pytest
 
 from msgdrop_cli.algorithms import dcc, maddpg
 from msgdrop_cli.definition.spec import Profile, TrainingSpec
-from msgdrop_cli.engine.catalogue import catalogue
+from msgdrop_cli.engine.offers import catalogue
 from msgdrop_envs.pursuit import rules as pursuit
 
 LEARNER: dict[str, Any] = {

@@ -9,7 +9,7 @@ import pytest
 from msgdrop_cli.definition.load import list_definitions, load_definition
 from msgdrop_cli.definition.plan import Plan, ad_hoc_definition, plan
 from msgdrop_cli.definition.spec import Definition, Profile, Variant
-from msgdrop_cli.engine.catalogue import catalogue
+from msgdrop_cli.engine.offers import catalogue
 from msgdrop_cli.errors import DefinitionError
 from tests.definition_samples import CATALOGUE, DEFINITION
 

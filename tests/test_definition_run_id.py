@@ -13,7 +13,7 @@ from msgdrop_cli.definition.cohorts import group
 from msgdrop_cli.definition.plan import plan
 from msgdrop_cli.definition.run_id import run_id, spec_from_dict, spec_to_dict
 from msgdrop_cli.definition.spec import PlannedRun, RunSpec, TrainingSpec
-from msgdrop_cli.engine.catalogue import catalogue
+from msgdrop_cli.engine.offers import catalogue
 from msgdrop_cli.errors import DefinitionError
 from tests.definition_samples import CATALOGUE, DEFINITION, Learner, World
 

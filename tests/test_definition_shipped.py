@@ -14,7 +14,7 @@ import pytest
 from msgdrop_cli.definition.channel import Channel
 from msgdrop_cli.definition.load import list_definitions, load_definition
 from msgdrop_cli.definition.plan import plan
-from msgdrop_cli.engine.catalogue import catalogue
+from msgdrop_cli.engine.offers import catalogue
 
 CATALOGUE = catalogue()
 NAMES = list_definitions()

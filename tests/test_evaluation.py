@@ -11,8 +11,8 @@ import torch
 from msgdrop_cli.algorithms.dcc import DCC
 from msgdrop_cli.definition.channel import Channel
 from msgdrop_cli.engine import evaluation
-from msgdrop_cli.engine.catalogue import catalogue
 from msgdrop_cli.engine.evaluation import evaluate, evaluate_run
+from msgdrop_cli.engine.offers import catalogue
 from msgdrop_cli.engine.run import train_cohort
 from msgdrop_cli.engine.tensors import read_tensors, write_tensors
 from msgdrop_cli.errors import RecordError

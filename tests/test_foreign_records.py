@@ -10,9 +10,9 @@ import pytest
 
 from msgdrop_cli.definition.load import load_definition
 from msgdrop_cli.definition.plan import plan
-from msgdrop_cli.engine import references
-from msgdrop_cli.engine.catalogue import catalogue
+from msgdrop_cli.engine import play_references
 from msgdrop_cli.engine.facts import facts
+from msgdrop_cli.engine.offers import catalogue
 from msgdrop_cli.records.files import append_jsonl
 from msgdrop_cli.records.store import EPISODES, METRICS, RUN, create_run, run_path, set_status
 from msgdrop_cli.report import figures
@@ -30,7 +30,7 @@ WRONG: list[Any] = [
 @pytest.fixture(autouse=True)
 def quick(monkeypatch: pytest.MonkeyPatch) -> None:
     """Figures that are laid out and not painted, and reference policies that play once."""
-    monkeypatch.setattr(references, "EPISODES", 1)
+    monkeypatch.setattr(play_references, "EPISODES", 1)
     monkeypatch.setattr(figures, "_png", lambda figure: b"")
 
 

@@ -11,7 +11,7 @@ from torch import Tensor
 
 from msgdrop_cli.algorithms.cohort import TORCH
 from msgdrop_cli.algorithms.dcc import DCC, Config
-from msgdrop_cli.algorithms.registry import learner_class
+from msgdrop_cli.algorithms.discovery import learner_class
 from msgdrop_cli.engine.facts import kernel_name
 from msgdrop_cli.kernels.build import library
 from msgdrop_cli.kernels.dcc import NAME

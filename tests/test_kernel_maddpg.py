@@ -8,8 +8,8 @@ import pytest
 import torch
 
 from msgdrop_cli.algorithms.cohort import TORCH
+from msgdrop_cli.algorithms.discovery import learner_class
 from msgdrop_cli.algorithms.maddpg import MADDPG, Config
-from msgdrop_cli.algorithms.registry import learner_class
 from msgdrop_cli.engine.facts import kernel_name
 from msgdrop_cli.kernels.build import library
 from msgdrop_cli.kernels.maddpg import NAME

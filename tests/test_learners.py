@@ -11,9 +11,9 @@ from torch import Tensor
 
 from msgdrop_cli.algorithms.cohort import TORCH
 from msgdrop_cli.algorithms.dcc import DCC
-from msgdrop_cli.algorithms.registry import learner_class, learners
+from msgdrop_cli.algorithms.discovery import learner_class, learners
 from msgdrop_cli.definition.spec import RunSpec, TrainingSpec
-from msgdrop_cli.engine.catalogue import catalogue
+from msgdrop_cli.engine.offers import catalogue
 from msgdrop_cli.engine.training import Training
 from msgdrop_cli.errors import DefinitionError
 from msgdrop_envs import registry

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from msgdrop_cli.commands import completion, vocabulary
-from msgdrop_cli.engine.catalogue import catalogue
+from msgdrop_cli.commands.parts import completion, vocabulary
+from msgdrop_cli.engine.offers import catalogue
 from msgdrop_cli.errors import DefinitionError
 from msgdrop_envs import registry
 from msgdrop_envs.parallel import parallel_env

@@ -15,7 +15,7 @@ from benchmarks.plain.maddpg import MADDPG
 from benchmarks.plain.navigation import Navigation
 from benchmarks.plain.training import Training
 from benchmarks.plain.waterworld import Waterworld
-from msgdrop_cli.algorithms.registry import learner_class
+from msgdrop_cli.algorithms.discovery import learner_class
 from msgdrop_envs import registry
 from msgdrop_envs.navigation import rules as navigation
 from msgdrop_envs.waterworld import config as waterworld

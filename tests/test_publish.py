@@ -6,10 +6,10 @@ from pathlib import Path
 
 import pytest
 
-from msgdrop_cli.commands.evaluating import _copy
+from msgdrop_cli.commands.parts.play_missing import _copy
 from msgdrop_cli.errors import RecordError
 from msgdrop_cli.records.store import list_runs
-from msgdrop_cli.report.publish import publish
+from msgdrop_cli.report.study import publish
 from msgdrop_cli.report.write import Folder
 from tests.fake_runs import write_run
 

@@ -3,10 +3,10 @@
 import re
 from pathlib import Path
 
-from msgdrop_cli.algorithms.registry import learner_class, learners
+from msgdrop_cli.algorithms.discovery import learner_class, learners
 from msgdrop_cli.definition.load import load_definition
 from msgdrop_cli.definition.plan import plan
-from msgdrop_cli.engine.catalogue import catalogue
+from msgdrop_cli.engine.offers import catalogue
 
 README = (Path(__file__).resolve().parents[1] / "README.md").read_text()
 

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from msgdrop_cli.commands.options import check_episodes
+from msgdrop_cli.commands.parts.options import check_episodes
 from msgdrop_cli.definition.channel import Channel
 from msgdrop_cli.definition.spec import MOST_EPISODES, MOST_LOG_ROWS, Profile, TrainingSpec
 from msgdrop_cli.engine import evaluation

@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from msgdrop_cli.commands import estimate
+from msgdrop_cli.commands.parts import estimate
 from msgdrop_cli.errors import RecordError
 from msgdrop_cli.records.files import (
     append_jsonl,

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from msgdrop_cli.engine import references
+from msgdrop_cli.engine import play_references
 from msgdrop_cli.errors import RecordError
 from msgdrop_cli.records.folders import run_folders
 from msgdrop_cli.records.store import RunRecord, find_run, list_runs
@@ -138,7 +138,7 @@ def test_other_commands_pass_over_the_same(
     tmp_path: Path, run: RunRecord, command: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """With the same note, once."""
-    monkeypatch.setattr(references, "EPISODES", 1)
+    monkeypatch.setattr(play_references, "EPISODES", 1)
     sacred(tmp_path / "qmix" / "1")
     more = ("--episodes", "2") if command == "eval" else ()
     said = msgdrop(command, tmp_path, *more)

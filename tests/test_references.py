@@ -9,9 +9,9 @@ from typing import Any
 import pytest
 
 from msgdrop_cli.analysis.summary import Summary, summarise
-from msgdrop_cli.commands.references import references_of
+from msgdrop_cli.commands.parts.find_references import references_of
 from msgdrop_cli.definition.run_id import spec_to_dict
-from msgdrop_cli.engine.references import play_references
+from msgdrop_cli.engine.play_references import play_references
 from msgdrop_cli.errors import RecordError
 from msgdrop_cli.records.references import (
     Policy,
@@ -98,7 +98,7 @@ def test_they_are_played_once_and_kept(tmp_path: Path, monkeypatch: pytest.Monke
     key = game_key(game(3)["environment"])
     assert set(first) == {key}
     assert key != game_key(game(4)["environment"])
-    monkeypatch.setattr("msgdrop_cli.engine.references.play_references", None)
+    monkeypatch.setattr("msgdrop_cli.engine.play_references.play_references", None)
     assert references_of([run], tmp_path) == first
 
 

@@ -7,7 +7,7 @@ import pytest
 
 from msgdrop_cli.errors import RecordError
 from msgdrop_cli.records.references import game_key, keep_references
-from msgdrop_cli.report.publish import publish
+from msgdrop_cli.report.study import publish
 from msgdrop_cli.report.write import Folder, figures_folder, write_atomic
 from tests.cli_runs import msgdrop
 from tests.fake_runs import write_run

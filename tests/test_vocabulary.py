@@ -4,9 +4,9 @@ from dataclasses import fields
 
 import pytest
 
-from msgdrop_cli.commands import completion, vocabulary
+from msgdrop_cli.commands.parts import completion, vocabulary
 from msgdrop_cli.definition.spec import TrainingSpec
-from msgdrop_cli.engine.catalogue import catalogue
+from msgdrop_cli.engine.offers import catalogue
 
 KNOWN = catalogue()
 CONFIGS = {

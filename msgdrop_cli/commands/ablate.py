@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from msgdrop_cli.commands import console, options, settings
+from msgdrop_cli.commands.parts import console, options, settings
 from msgdrop_cli.definition.load import list_definitions, load_definition
 
 app = typer.Typer()
@@ -61,7 +61,7 @@ def ablate(
     )
     if settings.HELP in checked.overrides:
         return settings.show_settings(definition, checked.profile, checked.overrides, as_json=json)
-    from msgdrop_cli.commands.training import carry_out  # after the quick checks
+    from msgdrop_cli.commands.parts.carry_out import carry_out  # after the quick checks
 
     return carry_out(definition, checked)
 

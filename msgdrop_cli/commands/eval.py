@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from msgdrop_cli.commands import options, words
+from msgdrop_cli.commands.parts import options, words
 from msgdrop_cli.definition.channel import NONE_BROKEN, WORDS
 
 app = typer.Typer()
@@ -50,7 +50,7 @@ def evaluate(
     options.check_workers(workers)
     options.check_episodes(episodes)
     options.check_device_name(device)
-    from msgdrop_cli.commands.measuring import measure  # after the quick checks
+    from msgdrop_cli.commands.parts.measure import measure  # after the quick checks
 
     return measure(
         results,

@@ -4,8 +4,8 @@ from pathlib import Path
 
 import typer
 
-from msgdrop_cli.commands import console, options
-from msgdrop_cli.commands.listing import runs_in
+from msgdrop_cli.commands.parts import console, options
+from msgdrop_cli.commands.parts.listing import runs_in
 from msgdrop_cli.errors import DefinitionError
 
 app = typer.Typer()
@@ -19,8 +19,8 @@ def plot(results: options.Folder = Path("results"), json: options.Json = False) 
     published to the figures folder beside it.
     """
     from msgdrop_cli.analysis.summary import summarise
-    from msgdrop_cli.commands.references import references_of
-    from msgdrop_cli.commands.reporting import note_left_out
+    from msgdrop_cli.commands.parts.find_references import references_of
+    from msgdrop_cli.commands.parts.show_report import note_left_out
     from msgdrop_cli.report.figures import draw_all
     from msgdrop_cli.report.write import figures_folder
 

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from msgdrop_cli.commands import console, options
+from msgdrop_cli.commands.parts import console, options
 from msgdrop_cli.definition.load import load_definition
 from msgdrop_cli.definition.plan import plan
 from msgdrop_cli.errors import DefinitionError
@@ -41,14 +41,14 @@ def publish(
     chosen = options.chosen_seeds(seed, seeds)
     from msgdrop_cli.analysis.claims import judge_claims
     from msgdrop_cli.analysis.summary import summarise
-    from msgdrop_cli.commands.references import references_of
-    from msgdrop_cli.commands.reporting import note_left_out
-    from msgdrop_cli.commands.survey import survey
-    from msgdrop_cli.commands.training import as_planned
-    from msgdrop_cli.engine.catalogue import catalogue
+    from msgdrop_cli.commands.parts.carry_out import as_planned
+    from msgdrop_cli.commands.parts.find_references import references_of
+    from msgdrop_cli.commands.parts.show_report import note_left_out
+    from msgdrop_cli.commands.parts.survey import survey
+    from msgdrop_cli.engine.offers import catalogue
     from msgdrop_cli.report.figures import draw_all
-    from msgdrop_cli.report.publish import publish as copy
-    from msgdrop_cli.report.publish import tables
+    from msgdrop_cli.report.study import publish as copy
+    from msgdrop_cli.report.study import tables
     from msgdrop_cli.report.write import FIGURES, TABLES, Folder, write_atomic
 
     asked = plan(definition, profile, catalogue(), seeds=chosen)

@@ -10,9 +10,9 @@ from typing import Any
 import typer
 
 from msgdrop_cli.analysis.labels import with_overrides
-from msgdrop_cli.commands import console, options
-from msgdrop_cli.commands.listing import runs_in
-from msgdrop_cli.commands.words import duration, several
+from msgdrop_cli.commands.parts import console, options
+from msgdrop_cli.commands.parts.listing import runs_in
+from msgdrop_cli.commands.parts.words import duration, several
 from msgdrop_cli.records.store import PROGRESS, RunRecord
 
 app = typer.Typer()
@@ -33,7 +33,7 @@ def status(results: options.Folder = Path("results"), json: options.Json = False
 
     What is still to be trained is `planned`. Published runs, if any, come after your own.
     """
-    from msgdrop_cli.commands.progress import progress
+    from msgdrop_cli.commands.parts.progress import progress
 
     lines = [_line(record, progress(record.path)) for record in runs_in(results)]
     lines.sort(key=lambda line: not line["own"])  # stays sorted by path among its own kind

@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from msgdrop_cli.commands import completion, options, settings, words
+from msgdrop_cli.commands.parts import completion, options, settings, words
 from msgdrop_cli.definition.plan import ad_hoc_definition
 from msgdrop_cli.definition.spec import Definition, Profile
 from msgdrop_cli.errors import DefinitionError, nearest
@@ -96,7 +96,7 @@ def train(
     definition = _definition(env, algorithm, profile, rate, steps)
     if settings.HELP in checked.overrides:
         return settings.show_settings(definition, profile, checked.overrides, as_json=json)
-    from msgdrop_cli.commands.training import carry_out  # after the quick checks
+    from msgdrop_cli.commands.parts.carry_out import carry_out  # after the quick checks
 
     return carry_out(definition, checked)
 
@@ -126,7 +126,7 @@ def _definition(
 
 def _check_takes_rate(algorithm: str) -> None:
     """Refuse a rate for an algorithm whose name says which one it has, such as simple DCC."""
-    from msgdrop_cli.engine.catalogue import catalogue
+    from msgdrop_cli.engine.offers import catalogue
 
     known = catalogue()
     named = known.algorithm(algorithm)

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import typer
 
-from msgdrop_cli.commands import options
+from msgdrop_cli.commands.parts import options
 from msgdrop_cli.definition.load import load_definition
 
 app = typer.Typer()
@@ -30,7 +30,7 @@ def unstable_test(
     options.check_workers(workers)
     options.check_episodes(episodes)
     options.check_device_name(device)
-    from msgdrop_cli.commands.measuring import measure  # after the quick checks
+    from msgdrop_cli.commands.parts.measure import measure  # after the quick checks
 
     question = load_definition(_QUESTION)
     return measure(

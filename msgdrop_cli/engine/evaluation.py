@@ -14,13 +14,13 @@ from typing import Any
 import torch
 from torch import Tensor
 
-from msgdrop_cli.algorithms.registry import learner_class
+from msgdrop_cli.algorithms.discovery import learner_class
 from msgdrop_cli.channels import kind_of
 from msgdrop_cli.definition.channel import NONE_BROKEN, Channel
 from msgdrop_cli.definition.run_id import spec_from_dict
 from msgdrop_cli.definition.spec import MOST_LOG_ROWS, RunSpec
 from msgdrop_cli.engine import arithmetic
-from msgdrop_cli.engine.catalogue import catalogue
+from msgdrop_cli.engine.offers import catalogue
 from msgdrop_cli.engine.randomness import Streams
 from msgdrop_cli.engine.tensors import check_finite, copy_into, read_tensors
 from msgdrop_cli.errors import DefinitionError, RecordError

@@ -12,7 +12,7 @@ import numpy as np
 import torch
 
 import msgdrop_cli
-from msgdrop_cli.algorithms.registry import learner_class
+from msgdrop_cli.algorithms.discovery import learner_class
 from msgdrop_cli.definition.spec import RunSpec
 from msgdrop_cli.engine.arithmetic import THREADS
 from msgdrop_envs import registry

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 import torch
 from torch import Tensor
 
-from msgdrop_cli.algorithms.registry import learner_class
+from msgdrop_cli.algorithms.discovery import learner_class
 from msgdrop_cli.definition.spec import RunSpec
 from msgdrop_cli.engine.randomness import Streams
 from msgdrop_cli.engine.replay import Replay

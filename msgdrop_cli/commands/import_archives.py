@@ -8,9 +8,9 @@ from typing import Annotated, NamedTuple
 
 import typer
 
-from msgdrop_cli.commands import console, options
-from msgdrop_cli.commands.shapes import on_no_device
-from msgdrop_cli.commands.words import several
+from msgdrop_cli.commands.parts import console, options
+from msgdrop_cli.commands.parts.shapes import on_no_device
+from msgdrop_cli.commands.parts.words import several
 from msgdrop_cli.definition.catalogue import Catalogue
 from msgdrop_cli.definition.run_id import run_id, spec_from_dict
 from msgdrop_cli.definition.spec import RunSpec
@@ -54,7 +54,7 @@ def import_archives(
 
     Everything is checked before anything is written. A run that is there already is left alone.
     """
-    from msgdrop_cli.engine.catalogue import catalogue
+    from msgdrop_cli.engine.offers import catalogue
 
     with scratch_folder() as scratch:
         records = []
@@ -123,7 +123,7 @@ def _check_logs(record: RunRecord) -> None:
 
 def _check_policy(record: RunRecord, spec: RunSpec) -> None:
     """Its tensors have the names and shapes of the run's networks, and are numbers."""
-    from msgdrop_cli.algorithms.registry import learner_class
+    from msgdrop_cli.algorithms.discovery import learner_class
     from msgdrop_cli.engine.tensors import check_finite, copy_into, read_tensors
     from msgdrop_envs import registry
 

@@ -4,10 +4,10 @@ from collections.abc import Sequence
 from contextlib import ExitStack
 from pathlib import Path
 
-from msgdrop_cli.commands import console
-from msgdrop_cli.commands.evaluating import evaluated, measurable_runs
-from msgdrop_cli.commands.reporting import report
-from msgdrop_cli.commands.words import several
+from msgdrop_cli.commands.parts import console
+from msgdrop_cli.commands.parts.play_missing import evaluated, measurable_runs
+from msgdrop_cli.commands.parts.show_report import report
+from msgdrop_cli.commands.parts.words import several
 from msgdrop_cli.definition.channel import Channel
 from msgdrop_cli.definition.spec import Claim, Definition
 from msgdrop_cli.records.store import RunRecord

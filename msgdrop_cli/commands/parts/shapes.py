@@ -51,7 +51,7 @@ def run_sizes(run: PlannedRun, episodes: int) -> Sizes:
     """
     from torch import Tensor
 
-    from msgdrop_cli.algorithms.registry import learner_class
+    from msgdrop_cli.algorithms.discovery import learner_class
     from msgdrop_cli.engine.checkpoint import KEPT, SEGMENT_BYTES
     from msgdrop_cli.engine.training import Training
 

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from typing import Any
 
-from msgdrop_cli.commands.shapes import on_no_device
+from msgdrop_cli.commands.parts.shapes import on_no_device
 from msgdrop_cli.definition.spec import PlannedRun
 from msgdrop_cli.errors import DefinitionError
 
@@ -26,7 +26,7 @@ def check_fits(runs: Sequence[PlannedRun]) -> None:
 
 def _why_not(environment: Any, learner: str, config: Any) -> str | None:
     """What a learner says against an environment, None if nothing."""
-    from msgdrop_cli.algorithms.registry import learner_class
+    from msgdrop_cli.algorithms.discovery import learner_class
     from msgdrop_envs import registry
 
     try:
@@ -38,7 +38,7 @@ def _why_not(environment: Any, learner: str, config: Any) -> str | None:
 
 def _fitting(environment: Any) -> list[str]:
     """The names of all algorithms whose learner has nothing against an environment."""
-    from msgdrop_cli.engine.catalogue import catalogue
+    from msgdrop_cli.engine.offers import catalogue
 
     algorithms = catalogue().algorithms.items()
     classes = {named.learner: named.config_class for _, named in algorithms}

@@ -7,10 +7,10 @@ from typing import Any
 
 from msgdrop_cli.analysis.claims import Verdict, judge_claims
 from msgdrop_cli.analysis.summary import Summary, summarise
-from msgdrop_cli.commands import console
-from msgdrop_cli.commands.evaluating import only
-from msgdrop_cli.commands.references import references_of
-from msgdrop_cli.commands.words import several
+from msgdrop_cli.commands.parts import console
+from msgdrop_cli.commands.parts.find_references import references_of
+from msgdrop_cli.commands.parts.play_missing import only
+from msgdrop_cli.commands.parts.words import several
 from msgdrop_cli.definition.channel import Channel
 from msgdrop_cli.definition.spec import Claim
 from msgdrop_cli.records.store import RunRecord

@@ -4,10 +4,10 @@ from collections.abc import Sequence
 from typing import Any
 
 from msgdrop_cli.analysis.labels import shared_overrides, with_overrides
-from msgdrop_cli.commands.estimate import Estimate
-from msgdrop_cli.commands.options import TrainOptions
-from msgdrop_cli.commands.survey import Survey
-from msgdrop_cli.commands.words import about, several, size
+from msgdrop_cli.commands.parts.estimate import Estimate
+from msgdrop_cli.commands.parts.options import TrainOptions
+from msgdrop_cli.commands.parts.survey import Survey
+from msgdrop_cli.commands.parts.words import about, several, size
 from msgdrop_cli.definition.channel import Channel, only_links
 from msgdrop_cli.definition.plan import Plan
 from msgdrop_cli.definition.spec import PlannedRun

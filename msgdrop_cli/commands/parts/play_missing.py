@@ -8,11 +8,11 @@ from pathlib import Path
 from typing import NamedTuple
 
 from msgdrop_cli.analysis.summary import Summary
-from msgdrop_cli.commands import console
-from msgdrop_cli.commands.listing import runs_in
-from msgdrop_cli.commands.options import check_device
-from msgdrop_cli.commands.progress import Watch, Watched
-from msgdrop_cli.commands.words import several
+from msgdrop_cli.commands.parts import console
+from msgdrop_cli.commands.parts.listing import runs_in
+from msgdrop_cli.commands.parts.options import check_device
+from msgdrop_cli.commands.parts.progress import Watch, Watched
+from msgdrop_cli.commands.parts.words import several
 from msgdrop_cli.definition.channel import Channel
 from msgdrop_cli.errors import DefinitionError, RecordError
 from msgdrop_cli.records.packed import packed_name
@@ -142,7 +142,7 @@ def _is_deaf(record: RunRecord) -> bool:
 
     FDC hears nobody either, but it is what the paper compares those who do with (l. 525).
     """
-    from msgdrop_cli.algorithms.registry import learner_class, learners
+    from msgdrop_cli.algorithms.discovery import learner_class, learners
 
     algorithm = record.spec.get("algorithm")
     learner = algorithm.get("learner") if isinstance(algorithm, dict) else None

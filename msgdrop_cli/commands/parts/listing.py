@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from msgdrop_cli.commands import console
+from msgdrop_cli.commands.parts import console
 from msgdrop_cli.records.store import RunRecord, look_through
 
 

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from msgdrop_cli.commands import completion
+from msgdrop_cli.commands.parts import completion
 from msgdrop_cli.definition.channel import Channel, only_links
 from msgdrop_cli.definition.load import list_definitions
 from msgdrop_cli.definition.plan import parse_seeds

@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from msgdrop_cli.algorithms.registry import learners
+from msgdrop_cli.algorithms.discovery import learners
 from msgdrop_cli.channels import kinds
 from msgdrop_cli.definition.catalogue import Catalogue, NamedAlgorithm, PaperSizes
 from msgdrop_cli.definition.paper import paper_sizes, sizes_in

@@ -5,7 +5,7 @@ from typing import Any
 
 from typer.core import TyperCommand
 
-from msgdrop_cli.commands import console, vocabulary
+from msgdrop_cli.commands.parts import console, vocabulary
 from msgdrop_cli.definition.plan import plan
 from msgdrop_cli.definition.spec import Definition
 
@@ -35,7 +35,7 @@ def show_settings(
 
     Returns the exit code, 0.
     """
-    from msgdrop_cli.engine.catalogue import catalogue
+    from msgdrop_cli.engine.offers import catalogue
 
     others = [each for each in overrides if each != HELP]
     run = plan(definition, profile, catalogue(), overrides=others).runs[0]

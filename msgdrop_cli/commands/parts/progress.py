@@ -12,8 +12,8 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any
 
-from msgdrop_cli.commands.console import Progress
-from msgdrop_cli.commands.words import duration, several
+from msgdrop_cli.commands.parts.console import Progress
+from msgdrop_cli.commands.parts.words import duration, several
 from msgdrop_cli.definition.strict import one_line
 from msgdrop_cli.errors import RecordError
 from msgdrop_cli.records.files import read_json

@@ -4,21 +4,21 @@ from collections.abc import Sequence
 from contextlib import ExitStack, suppress
 from pathlib import Path
 
-from msgdrop_cli.commands import console
-from msgdrop_cli.commands.estimate import (
+from msgdrop_cli.commands.parts import console
+from msgdrop_cli.commands.parts.estimate import (
     check_folder,
     check_memory,
     cohorts,
     estimate,
 )
-from msgdrop_cli.commands.evaluating import evaluated
-from msgdrop_cli.commands.fitting import check_fits
-from msgdrop_cli.commands.options import TrainOptions, check_device
-from msgdrop_cli.commands.plan_shown import outcome_json, plan_facts, plan_json
-from msgdrop_cli.commands.progress import Watch, Watched
-from msgdrop_cli.commands.reporting import report
-from msgdrop_cli.commands.shapes import check_claims
-from msgdrop_cli.commands.survey import Survey, survey
+from msgdrop_cli.commands.parts.fitting import check_fits
+from msgdrop_cli.commands.parts.options import TrainOptions, check_device
+from msgdrop_cli.commands.parts.play_missing import evaluated
+from msgdrop_cli.commands.parts.progress import Watch, Watched
+from msgdrop_cli.commands.parts.shapes import check_claims
+from msgdrop_cli.commands.parts.show_plan import outcome_json, plan_facts, plan_json
+from msgdrop_cli.commands.parts.show_report import report
+from msgdrop_cli.commands.parts.survey import Survey, survey
 from msgdrop_cli.definition.plan import Plan, plan
 from msgdrop_cli.definition.run_id import short_hash
 from msgdrop_cli.definition.spec import Definition, PlannedRun
@@ -37,7 +37,7 @@ def carry_out(definition: Definition, options: TrainOptions) -> int:
 
     Raises DefinitionError before anything is written, RecordError, and Stopped.
     """
-    from msgdrop_cli.engine.catalogue import catalogue
+    from msgdrop_cli.engine.offers import catalogue
 
     asked = plan(
         definition,

@@ -6,7 +6,7 @@ from types import ModuleType
 from typing import Any
 
 import msgdrop_cli.algorithms
-from msgdrop_cli.algorithms.protocol import LearnerFactory
+from msgdrop_cli.algorithms.learner import LearnerFactory
 
 
 def learners() -> dict[str, ModuleType]:

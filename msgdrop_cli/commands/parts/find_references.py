@@ -5,7 +5,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any, TypeGuard
 
-from msgdrop_cli.commands import console
+from msgdrop_cli.commands.parts import console
 from msgdrop_cli.definition.spec import NAME
 from msgdrop_cli.errors import DefinitionError, RecordError
 from msgdrop_cli.records.references import (
@@ -50,7 +50,7 @@ def _kept(root: Path, key: str) -> References | None:
 
 
 def _played(record: RunRecord, root: Path) -> References | None:
-    from msgdrop_cli.engine.references import play_references
+    from msgdrop_cli.engine.play_references import play_references
 
     console.note(f"playing the reference policies of {record.environment}")
     try:

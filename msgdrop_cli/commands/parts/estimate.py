@@ -10,10 +10,10 @@ from pathlib import Path
 from statistics import median
 from typing import Any
 
-from msgdrop_cli.commands import console
-from msgdrop_cli.commands.shapes import Sizes, run_sizes
-from msgdrop_cli.commands.survey import Survey
-from msgdrop_cli.commands.words import size
+from msgdrop_cli.commands.parts import console
+from msgdrop_cli.commands.parts.shapes import Sizes, run_sizes
+from msgdrop_cli.commands.parts.survey import Survey
+from msgdrop_cli.commands.parts.words import size
 from msgdrop_cli.definition.cohorts import group
 from msgdrop_cli.definition.run_id import spec_to_dict
 from msgdrop_cli.definition.spec import PlannedRun

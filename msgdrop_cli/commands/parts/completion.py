@@ -4,7 +4,7 @@ from contextlib import suppress
 
 import typer
 
-from msgdrop_cli.commands import vocabulary
+from msgdrop_cli.commands.parts import vocabulary
 from msgdrop_cli.definition.load import list_definitions, load_definition
 from msgdrop_cli.definition.spec import Definition
 from msgdrop_cli.errors import DefinitionError
