@@ -13,22 +13,29 @@ import torch
 from torch import Tensor
 
 from msgdrop_cli import channels
-from msgdrop_cli.channels import kind_of, kinds
+from msgdrop_cli.channels import LOST, Scene, kind_of, kinds
 from msgdrop_cli.definition.channel import Channel
 from msgdrop_cli.definition.load import load_definition
 from msgdrop_cli.definition.plan import plan
-from msgdrop_cli.engine import evaluation
+from msgdrop_cli.engine.delivery import Delivery
 from msgdrop_cli.engine.evaluation import evaluate
 from msgdrop_cli.engine.offers import catalogue
 from msgdrop_cli.engine.randomness import Streams
 from msgdrop_cli.engine.run import train_cohort
 from msgdrop_cli.errors import DefinitionError
 from msgdrop_cli.records.store import list_runs
+from msgdrop_envs import autoreset, registry
 from tests.cli_runs import QUESTION, Store, copied_store, filled_store, msgdrop
 from tests.runs import planned
 
 TOYS = ("coin", "from-step")
 RUNS, GAMES = 2, 5
+FLAT = (
+    *("links:0.3", "coin:0.3", "from-step:3", "loss:0.5", "links-step:0.5", "bursts:0.3,4"),
+    *("tmc-heavy", "one-way:0.5", "silent:1", "delay:2", "jitter:0,3", "within:3", "distance:9"),
+    *("noise:1", "constant", "shuffled", "swapped", "own", "worst:1", "loss:0.5+hold:2"),
+    *("loss:0.5+mean", "half+scale:one", "half+scale:delivered"),
+)
 
 
 @pytest.fixture(autouse=True)
@@ -67,25 +74,34 @@ def test_kinds_are_found_by_their_files() -> None:
     assert {"links", *TOYS} <= set(kinds())
 
 
+def scene(agents: int, step: int) -> Scene:
+    """A step of every game, with agents anywhere."""
+    where = 20 * numbers(2 * agents).view(RUNS, GAMES, agents, 2)
+    return Scene(agents, torch.full((RUNS, GAMES), step), where)
+
+
 @pytest.mark.parametrize("agents", [2, 3, 8])
 @pytest.mark.parametrize("name", [*kinds(), *TOYS])
 def test_every_kind_keeps_the_contract(name: str, agents: int) -> None:
-    """Masks of 0 and 1 for every message, from what it was given alone, each game by itself."""
+    """Ages for every message, from what it was given alone, each game by itself."""
     channel = Channel(name, kinds()[name].example)
     assert Channel.read(channel.key) == channel
     kind = kind_of(channel)
     state = kind.start(numbers(kind.episode_uniforms(agents)), agents)
-    for _ in range(4):
-        uniforms = numbers(kind.step_uniforms(agents))
+    for number in range(4):
+        uniforms, now = numbers(kind.step_uniforms(agents)), scene(agents, number)
         before = state.clone()
-        keep, after = kind.step(state, uniforms, agents)
+        found = kind.step(state, uniforms, now)
+        age, after = found.age, found.state
         assert torch.equal(state, before)
-        assert (keep.shape, keep.dtype) == ((RUNS, GAMES, agents, agents - 1), torch.float32)
-        assert set(keep.unique().tolist()) <= {0.0, 1.0}
+        assert (age.shape, age.dtype) == ((RUNS, GAMES, agents, agents - 1), torch.uint8)
+        assert set(age.unique().tolist()) <= {*range(kind.oldest + 1), LOST}
         assert (after.shape, after.dtype) == (state.shape, state.dtype)
         some = torch.tensor([3, 1])
-        alone = kind.step(state[:, some], uniforms[:, some], agents)
-        assert torch.equal(alone.keep, keep[:, some])
+        assert now.positions is not None
+        few = Scene(agents, now.elapsed[:, some], now.positions[:, some])
+        alone = kind.step(state[:, some], uniforms[:, some], few)
+        assert torch.equal(alone.age, age[:, some])
         assert torch.equal(alone.state, after[:, some])
         state = after
 
@@ -116,18 +132,17 @@ def test_a_channel_knows_what_it_needs_from_the_step_before(trained: dict[str, P
 def test_an_episode_has_its_own_numbers_when_others_have_ended() -> None:
     """What arrives in it does not depend on how long the others last."""
     everybody, some = torch.arange(6), torch.tensor([4, 1])
-    whole, ended = (
-        evaluation._arriving(Channel.read("coin:0.5"), 4, Streams([1]), 6) for _ in "ab"
-    )
-    whole(everybody)
-    ended(everybody)
-    expected, found = whole(everybody), ended(some)
-    assert expected is not None
-    assert found is not None
-    assert torch.equal(found, expected[:, some])
+    env = registry.make(registry.settings()["pursuit-n6"], "cpu")
+    games = autoreset.start(env, torch.rand(1, 6, env.reset_uniforms), torch.zeros(1, 6).long())
+    whole, ended = (Delivery(Channel.read("coin:0.5"), env, Streams([1]), 6) for _ in "ab")
+    whole(games, everybody)
+    ended(games, everybody)
+    expected = whole(games, everybody)
+    found = ended(autoreset.take(games, some), some)
+    assert torch.equal(found.keep, expected.keep[:, some])
 
 
-@pytest.mark.parametrize("text", ["links:0.3", "coin:0.3", "from-step:3"])
+@pytest.mark.parametrize("text", FLAT)
 def test_who_hears_nobody_meets_the_same_games(text: str, trained: dict[str, Path]) -> None:
     """FDC's rows do not change, since no channel takes a number from the games."""
     assert played(trained["fdc"], text) == played(trained["fdc"], "none")

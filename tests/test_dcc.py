@@ -9,6 +9,7 @@ import torch
 from msgdrop_cli.algorithms.dcc import DCC, NAMED, Config
 from msgdrop_cli.engine.offers import catalogue
 from msgdrop_cli.errors import DefinitionError
+from msgdrop_cli.messages.received import Received
 from msgdrop_envs import registry
 from tests.dcc_samples import (
     AGENTS,
@@ -79,7 +80,7 @@ def test_policy_reads_the_senders_in_increasing_order() -> None:
     learner = make_learner(small_config(rate=0.3))
     obs = integers(3, 1, 4, AGENTS, OBSERVATION, seed=3)
     keep = integers(2, 1, 4, AGENTS, AGENTS - 1, seed=4).float()
-    q, q_broken = learner.q_exec(obs), learner.q_exec(obs, keep)
+    q, q_broken = learner.q_exec(obs), learner.q_exec(obs, Received(keep))
     seen, links = obs[0].double().numpy(), keep[0].double().numpy()
     for i, senders in enumerate([[1, 2], [0, 2], [0, 1]]):
         weights, m = weights_of(learner, "online", i), seen[:, senders]
@@ -87,7 +88,7 @@ def test_policy_reads_the_senders_in_increasing_order() -> None:
         np.testing.assert_allclose(q[0, :, i].numpy(), expected, rtol=1e-4, atol=1e-5)
         expected = _q(weights, seen[:, i], (m * links[:, i, :, None]).reshape(4, -1), 0.7)
         np.testing.assert_allclose(q_broken[0, :, i].numpy(), expected, rtol=1e-4, atol=1e-5)
-    assert torch.equal(learner.act_greedily(obs, keep), q_broken.argmax(-1))
+    assert torch.equal(learner.act_greedily(obs, Received(keep)), q_broken.argmax(-1))
 
 
 @pytest.mark.parametrize("network", ["fgh", "concat"])

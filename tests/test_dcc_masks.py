@@ -11,6 +11,7 @@ from torch import Tensor
 
 from msgdrop_cli.algorithms.dcc import DCC, NAMED
 from msgdrop_cli.engine.training import Training
+from msgdrop_cli.messages.received import Received
 from msgdrop_cli.ops.minibatch import Minibatch
 from tests.dcc_samples import (
     AGENTS,
@@ -157,5 +158,7 @@ def test_fdc_is_shown_its_own_observation_only() -> None:
     obs = integers(3, 1, 20, AGENTS, OBSERVATION, seed=3)
     q = learner.q_exec(obs)
     obs[:, :, 1:] = 2 - obs[:, :, 1:]
-    assert torch.equal(learner.q_exec(obs, torch.zeros(1, 20, AGENTS, 2))[:, :, 0], q[:, :, 0])
+    assert torch.equal(
+        learner.q_exec(obs, Received(torch.zeros(1, 20, AGENTS, 2)))[:, :, 0], q[:, :, 0]
+    )
     assert learner.update_uniforms == 0

@@ -16,6 +16,7 @@ from msgdrop_cli.engine.offers import catalogue
 from msgdrop_cli.engine.run import train_cohort
 from msgdrop_cli.engine.tensors import read_tensors, write_tensors
 from msgdrop_cli.errors import RecordError
+from msgdrop_cli.messages.received import Received
 from msgdrop_cli.records.files import run_lock
 from msgdrop_cli.records.store import list_runs
 from msgdrop_envs import registry
@@ -102,7 +103,7 @@ def test_broken_links_are_zero_messages() -> None:
     keep[:, :, 2, 3] = 0.0  # agent 2 does not hear its fourth sender, agent 4
     muted = obs.clone()
     muted[:, :, 4] = 0
-    q = learner.q_exec(obs, keep)
+    q = learner.q_exec(obs, Received(keep))
     torch.testing.assert_close(q[:, :, 2], learner.q_exec(muted)[:, :, 2])
     torch.testing.assert_close(q[:, :, [0, 1, 3, 5]], learner.q_exec(obs)[:, :, [0, 1, 3, 5]])
     assert not torch.allclose(q[:, :, 2], learner.q_exec(obs)[:, :, 2])

@@ -15,6 +15,7 @@ from msgdrop_cli.algorithms.discovery import learner_class
 from msgdrop_cli.engine.facts import kernel_name
 from msgdrop_cli.kernels.build import library
 from msgdrop_cli.kernels.dcc import NAME
+from msgdrop_cli.messages.received import Received
 from msgdrop_cli.ops.minibatch import Minibatch
 from msgdrop_envs import registry
 from tests.dcc_samples import integers, mask_uniforms, rand, use_kernel
@@ -112,7 +113,7 @@ def test_q_values_are_the_torch_paths(
     ours, oracle = _pair(dtype, monkeypatch, network=network)
     obs = _observations(dtype, 2, games, AGENTS, OBSERVATION, seed=5)
     keep = integers(2, 2, games, AGENTS, AGENTS - 1, seed=6).float()
-    for given in (None, keep):
+    for given in (None, Received(keep)):
         found, expected = ours.q_exec(obs, given), oracle.q_exec(obs, given)
         torch.testing.assert_close(found, expected, rtol=1e-5, atol=1e-5)
 

@@ -16,6 +16,7 @@ from msgdrop_cli.definition.spec import RunSpec, TrainingSpec
 from msgdrop_cli.engine.offers import catalogue
 from msgdrop_cli.engine.training import Training
 from msgdrop_cli.errors import DefinitionError
+from msgdrop_cli.messages.received import Received
 from msgdrop_envs import registry
 from tests.dcc_samples import integers, rand, use_kernel
 
@@ -106,7 +107,7 @@ def test_acts_for_every_agent_in_every_game(learner: str, name: str, environment
         made.act(obs, uniforms, 0),
         made.act(obs, uniforms, 10**9),
         made.act_greedily(obs),
-        made.act_greedily(obs, broken),
+        made.act_greedily(obs, Received(broken)),
     ):
         if env.actions:
             assert (actions.shape, actions.dtype) == (batch, torch.int64)

@@ -14,6 +14,7 @@ from msgdrop_cli.engine.replay import Replay
 from msgdrop_cli.engine.run import train_cohort
 from msgdrop_cli.engine.training import Training
 from msgdrop_cli.errors import DefinitionError
+from msgdrop_cli.messages.received import Received
 from msgdrop_cli.networks.stacked import parameter_count
 from msgdrop_cli.ops.exploration import noisy_action, normals, random_action
 from msgdrop_cli.ops.minibatch import Batch
@@ -168,7 +169,7 @@ def test_acts_at_random_then_with_noise_and_without_it_greedily() -> None:
     learner = make_learner(small_config(replay_start_env_steps=100))
     obs, uniforms = rand(1, 400, AGENTS, OBSERVATION, seed=1), rand(1, 400, AGENTS, 4, seed=2)
     greedy = learner.act_greedily(obs)
-    assert torch.equal(learner.act_greedily(obs, torch.zeros(1, 400, AGENTS, 2)), greedy)
+    assert torch.equal(learner.act_greedily(obs, Received(torch.zeros(1, 400, AGENTS, 2))), greedy)
     assert torch.equal(learner.act(obs, uniforms, 99), 2.0 * uniforms[..., :2] - 1.0)
     noise = learner.act(obs, uniforms, 100) - greedy
     assert abs(float(noise.std()) - 0.15) < 0.01

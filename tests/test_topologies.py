@@ -12,6 +12,7 @@ from msgdrop_cli.algorithms.dcc import DCC, Config
 from msgdrop_cli.definition.channel import Channel
 from msgdrop_cli.engine.evaluation import evaluate
 from msgdrop_cli.engine.run import train_cohort
+from msgdrop_cli.messages.received import Received
 from msgdrop_cli.messages.topologies import senders, topologies
 from tests.dcc_samples import KERNELS, OBSERVATION, integers, rand, small_config, use_kernel
 from tests.runs import planned
@@ -82,11 +83,13 @@ def test_a_broken_link_silences_its_own_sender(
     learner = _of_five()
     obs, keep = integers(3, 1, 20, 5, OBSERVATION, seed=3), torch.ones(1, 20, 5, 4)
     keep[:, :, 0, 3] = 0.0  # of the others of agent 0, number 4 has the last column
-    before = learner.q_exec(obs, keep)[:, :, 0]
+    before = learner.q_exec(obs, Received(keep))[:, :, 0]
     for agent, matters in ((4, False), (1, True)):
         changed = obs.clone()
         changed[:, :, agent] = 2 - changed[:, :, agent]
-        assert torch.equal(learner.q_exec(changed, keep)[:, :, 0], before) != matters, agent
+        assert torch.equal(learner.q_exec(changed, Received(keep))[:, :, 0], before) != matters, (
+            agent
+        )
 
 
 def test_a_ring_is_trained_and_evaluated(tmp_path: Path) -> None:

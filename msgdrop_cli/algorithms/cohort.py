@@ -65,6 +65,15 @@ def links_heard(shown: Tensor) -> Tensor:
     return heard - (heard > own).long()
 
 
+def shown_received(links: Tensor) -> Tensor:
+    """As `shown_agents`, but of N observations followed by N*(N-1) messages: [N, 1+S] int64.
+
+    links: [N, S], where those who are heard stand among all others.
+    """
+    agent = torch.arange(len(links), device=links.device)[:, None]
+    return torch.cat((agent, len(links) + agent * (len(links) - 1) + links), 1)
+
+
 class RunningMeans:
     """Of the losses and Q-values of every run, since they were taken last."""
 

@@ -24,6 +24,7 @@ from msgdrop_cli.algorithms import cohort
 from msgdrop_cli.algorithms.adam import Adam
 from msgdrop_cli.errors import DefinitionError
 from msgdrop_cli.kernels.dcc import NAME, DCCKernel, serves
+from msgdrop_cli.messages.received import Received
 from msgdrop_cli.messages.topologies import Senders, check_topology, senders
 from msgdrop_cli.networks.q_network import q_network
 from msgdrop_cli.networks.stacked import Network, Stacked, initialise, parameter_count
@@ -124,7 +125,8 @@ class DCC:
         self._parts = {"online": self.online, "target": self.target, **self.adam.moments}
         hears = network.hears
         self.shown_agents = cohort.shown_agents(_heard(config, env), device)
-        self._links = cohort.links_heard(self.shown_agents)[None, None]  # [1, 1, N, S]
+        self._links = links = cohort.links_heard(self.shown_agents)[None, None]  # [1, 1, N, S]
+        self._shown_received = cohort.shown_received(links[0, 0])
         self.rate = torch.tensor([c.rate for c in configs], device=device)  # [R]
         scale = execution_scale(self.rate, hears, drops_own=config.drops_own)
         self.scale = scale.repeat_interleave(self._agents, 0)[:, None]  # [G, 1, 1+S, 1]
@@ -171,9 +173,12 @@ class DCC:
         """Q [G, B, A] of own observations and messages [G, B, 1+S, O] times factors of them."""
         return self.network.forward(weights, apply_keep(om, factor).flatten(2))
 
-    def q_values(self, obs: Tensor, factor: Tensor) -> Tensor:
-        """Q of the online networks [G, E, A]; obs [R, E, N, O], factor [G, E, 1+S, 1]."""
-        om = obs[:, :, self.shown_agents].transpose(1, 2).flatten(0, 1)  # [G, E, 1+S, O]
+    def q_values(self, obs: Tensor, factor: Tensor, shown: Tensor) -> Tensor:
+        """Q of the online networks [G, E, A]; obs [R, E, K, O], factor [G, E, 1+S, 1].
+
+        shown: [N, 1+S], which of the K observations are agent i's own and its messages.
+        """
+        om = obs[:, :, shown].transpose(1, 2).flatten(0, 1)  # [G, E, 1+S, O]
         return self.q(self.online, om, factor)
 
     # What the engine asks for.
@@ -220,25 +225,26 @@ class DCC:
         """
         return epsilon_greedy(self.q_exec(obs), uniforms, self.epsilon(env_steps))
 
-    def act_greedily(self, obs: Tensor, keep: Tensor | None = None) -> Tensor:
-        """The policy pi: argmax of Q_exec (label eq:policy). obs [R, E, N, O]; keep [R, E, N, S].
+    def act_greedily(self, obs: Tensor, received: Received | None = None) -> Tensor:
+        """The policy pi: argmax of Q_exec (label eq:policy). obs [R, E, N, O].
 
-        A message over a broken link (keep 0) is a zero vector (l. 525). Returns [R, E, N].
+        A message that does not arrive is a zero vector (l. 525). Returns [R, E, N].
         """
-        return self.q_exec(obs, keep).argmax(-1)
+        return self.q_exec(obs, received).argmax(-1)
 
-    def q_exec(self, obs: Tensor, keep: Tensor | None = None) -> Tensor:
+    def q_exec(self, obs: Tensor, received: Received | None = None) -> Tensor:
         """Q_exec of the online networks: all messages, scaled by 1 - rate (l. 248): [R, E, N, A].
 
-        obs: [R, E, N, O]; keep: [R, E, N, S] or None if every link works.
+        obs: [R, E, N, O]; received: what arrives, None if it is everything that is said.
         """
-        runs, games = obs.shape[:2]
-        factor = self.scale.expand(-1, games, -1, -1)  # [G, E, 1+S, 1]
-        if keep is not None:
-            arrives = keep.gather(-1, self._links.expand(runs, games, -1, -1))  # [R, E, N, S]
-            factor = factor.clone()
-            factor[:, :, 1:, 0] *= arrives.transpose(1, 2).flatten(0, 1)
-        q = self._computes.q_values(obs, factor)  # [G, E, A]
+        (runs, games), shown = obs.shape[:2], self.shown_agents
+        factor, computes = self.scale.expand(-1, games, -1, -1), self._computes
+        if received is not None:
+            factor = received.factors(self.scale, self._links)
+            if (messages := received.messages) is not None:  # they lie behind the observations
+                computes = computes if messages.dtype == obs.dtype else self
+                obs, shown = cat((obs, messages.flatten(2, 3)), 2), self._shown_received
+        q = computes.q_values(obs, factor, shown)  # [G, E, A]
         return q.view(runs, self._agents, games, -1).transpose(1, 2)
 
     def update(self, minibatch: Minibatch, uniforms: Tensor) -> None:

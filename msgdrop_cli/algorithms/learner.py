@@ -5,6 +5,7 @@ from typing import Any, Protocol
 
 from torch import Tensor
 
+from msgdrop_cli.messages.received import Received
 from msgdrop_cli.ops.minibatch import Minibatch
 
 
@@ -57,8 +58,8 @@ class Learner(Protocol):
         Returns [R, E, N] int64, or [R, E, N, A] float32 if actions are continuous.
         """
 
-    def act_greedily(self, obs: Tensor, keep: Tensor | None = None) -> Tensor:
-        """Behave in execution; keep [R, E, N, S] says which messages arrive."""
+    def act_greedily(self, obs: Tensor, received: Received | None = None) -> Tensor:
+        """Behave in execution, by what arrives of the messages; None: everything."""
 
     def update(self, minibatch: Minibatch, uniforms: Tensor) -> None:
         """Learn from one minibatch, or one for each network; uniforms [R, update_uniforms]."""

@@ -24,6 +24,7 @@ from msgdrop_cli.algorithms import cohort
 from msgdrop_cli.algorithms.soft_target import SoftTarget
 from msgdrop_cli.errors import DefinitionError
 from msgdrop_cli.kernels.maddpg import NAME, MADDPGKernel, serves
+from msgdrop_cli.messages.received import Received
 from msgdrop_cli.messages.topologies.all import senders as all_others
 from msgdrop_cli.networks.critic import Critic, critic_of
 from msgdrop_cli.networks.perceptron import Perceptron
@@ -237,8 +238,8 @@ class MADDPG:
             return random_action(uniforms)
         return noisy_action(self.act_greedily(obs), uniforms, self.config.noise)
 
-    def act_greedily(self, obs: Tensor, keep: Tensor | None = None) -> Tensor:
-        """The actor's action without noise; it hears nobody, so broken links change nothing."""
+    def act_greedily(self, obs: Tensor, received: Received | None = None) -> Tensor:
+        """The actor's action without noise; it hears nobody, so no channel changes anything."""
         return self._computes.actions(obs)
 
     def update(self, minibatch: Minibatch, uniforms: Tensor) -> None:

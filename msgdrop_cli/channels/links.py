@@ -7,11 +7,11 @@ from typing import ClassVar
 import torch
 from torch import Tensor
 
-from msgdrop_cli.channels import Arriving
+from msgdrop_cli.channels import Arriving, Kind, Scene, lost_where
 
 
 @dataclass(frozen=True, slots=True)
-class Links:
+class Links(Kind):
     """Exactly this share of the links is broken, chosen at random once an episode (l. 525)."""
 
     example: ClassVar[tuple[float, ...]] = (0.5,)
@@ -22,32 +22,32 @@ class Links:
         """One number orders each link, the last one rounds."""
         return agents * (agents - 1) // 2 + 1
 
-    def step_uniforms(self, agents: int) -> int:
-        """What is broken stays broken."""
-        return 0
-
     def start(self, uniforms: Tensor, agents: int) -> Tensor:
         """Break the links of every game.
 
         uniforms: [..., L + 1] for L links; 7.5 of 15 links are 7 or 8 with probability 1/2 each
-        (paper-facts 6.3). Returns the keep mask of the whole episode, [..., N, S] float32.
+        (paper-facts 6.3). Returns the ages of the whole episode, [..., N, S] uint8.
         Raises ValueError if the shape does not fit.
         """
-        links = self.episode_uniforms(agents) - 1
-        if uniforms.shape[-1] != links + 1:
-            raise ValueError(f"{links + 1} uniforms are needed for {agents} agents")
-        whole = int(self.share * links)
-        broken = whole + (uniforms[..., -1] < self.share * links - whole).long()  # [...]
-        rank = uniforms[..., :-1].argsort(-1).argsort(-1)  # [..., L], a random order
-        keep = (rank >= broken[..., None]).float()
-        return keep[..., _link_of(agents).to(uniforms.device)]  # [..., N, S]
+        return broken_links(uniforms, self.share, agents)
 
-    def step(self, state: Tensor, uniforms: Tensor, agents: int) -> Arriving:
-        """The same mask again."""
-        return Arriving(keep=state, state=state)
+    def step(self, state: Tensor, uniforms: Tensor, scene: Scene) -> Arriving:
+        """The same again."""
+        return Arriving(age=state, state=state)
 
 
-def _link_of(agents: int) -> Tensor:
+def broken_links(uniforms: Tensor, share: float, agents: int) -> Tensor:
+    """Ages [..., N, S] uint8 where this share of the links is broken; uniforms [..., L + 1]."""
+    links = agents * (agents - 1) // 2
+    if uniforms.shape[-1] != links + 1:
+        raise ValueError(f"{links + 1} uniforms are needed for {agents} agents")
+    whole = int(share * links)
+    broken = whole + (uniforms[..., -1] < share * links - whole).long()  # [...]
+    rank = uniforms[..., :-1].argsort(-1).argsort(-1)  # [..., L], a random order
+    return lost_where(rank < broken[..., None])[..., link_of(agents).to(uniforms.device)]
+
+
+def link_of(agents: int) -> Tensor:
     """The link between agent i and its sender k, [N, S]."""
     index = {pair: n for n, pair in enumerate(combinations(range(agents), 2))}
     return torch.tensor(

@@ -1,11 +1,15 @@
 """A channel as a value, i.e. what becomes of messages on their way: its reader and its printers.
 
+    links:0.5                      half of the links broken, as in the paper; also `half`, 0.5, 50%
+    bursts:0.2,4+hold:3            a kind with its settings, then what the receiver does about it
+    loss:0.5+mean+scale:one
+
 Which kinds exist is not known here: each is a file in `channels`, and whoever builds one has them.
 """
 
 import re
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from typing import Any
 
 from msgdrop_cli.definition.strict import number, shown
@@ -15,84 +19,157 @@ LINKS = "links"
 """The paper's kind, broken links (l. 519-541): a share alone means it, and so do old records."""
 WORDS = {"none": 0.0, "half": 0.5, "all": 1.0}
 """Shares of broken links as people say them."""
+NAMED = {
+    "tmc-light": "bursts:0.015,3",
+    "tmc-medium": "bursts:0.082,3",
+    "tmc-heavy": "bursts:0.156,3",
+    "constant": "first:1+hold:1000000",
+}
+"""Channels with a name. TMC (Zhang, Zhang, Lin: NeurIPS 2020) reports these three mean losses of
+802.11ac links; that they are bursts of three steps is ours."""
+SCALES = ("trained", "one", "delivered")
+"""Of messages at execution: 1 - rate as in the paper, 1, or more where fewer arrive."""
 _EXPECTED = "expected none, half, all, a share from 0 to 1 (0.3 or 30%) or kind:settings"
+_RECEIVER = "after + the receiver: mean, hold:STEPS, scale:one or scale:delivered"
+_LONGEST_HOLD = 1_000_000
 _KIND = re.compile(r"[a-z][a-z0-9-]{0,63}")
 
 
 @dataclass(frozen=True, slots=True)
 class Channel:
-    """A kind with its settings. In order: broken links by their share, then the others by name."""
+    """A kind with its settings, and what receivers do; in order: broken links, then by name."""
 
     kind: str
     settings: tuple[float, ...] = ()
+    missing: str = "zero"
+    """What stands in for a message that does not arrive: `zero` as in the paper (l. 525), `hold:3`,
+    the last one for so many steps, or `mean`, of all that have arrived from that sender."""
+    scale: str = SCALES[0]
 
     def __post_init__(self) -> None:
         if not _KIND.fullmatch(self.kind):
             raise ValueError(f"{shown(self.kind)} cannot name a channel")
         if self.kind == LINKS and not (len(self.settings) == 1 and 0 <= self.settings[0] <= 1):
             raise ValueError("broken links need one share from 0 to 1 (0.3 or 30%)")
+        if self.missing not in ("zero", "mean") and not 1 <= self.hold <= _LONGEST_HOLD:
+            raise ValueError(f"{_RECEIVER}, not {shown(self.missing)}")
+        if self.scale not in SCALES:
+            raise ValueError(f"{_RECEIVER}, not {shown('scale:' + self.scale)}")
 
     def __lt__(self, other: "Channel") -> bool:
-        mine, theirs = ((each.kind != LINKS, each.kind, each.settings) for each in (self, other))
+        mine, theirs = (
+            (each.kind != LINKS, each.kind, each.settings, each.missing, each.scale)
+            for each in (self, other)
+        )
         return mine < theirs
+
+    @property
+    def hold(self) -> int:
+        """For how many steps the last message stands in; 0 if it never does."""
+        word, _, steps = self.missing.partition(":")
+        return int(steps) if word == "hold" and steps.isdecimal() and len(steps) < 8 else 0
+
+    @property
+    def plain(self) -> bool:
+        """Whether receivers do what those of the paper do."""
+        return self.missing == "zero" and self.scale == SCALES[0]
 
     @classmethod
     def read(cls, value: object) -> "Channel":
-        """What people and records write: `half`, `30%`, 0.3, `links:0.3`, `kind:1,0.5`, `kind`.
+        """What people and records write: `half`, `30%`, 0.3, `links:0.3`, `kind:1,0.5+hold:3`.
 
         Raises ValueError for anything else; a kind that does not exist is not noticed here.
         """
         if not isinstance(value, str | int | float):
             raise ValueError(f"{_EXPECTED}, not {shown(value)}")
-        text = str(value).strip()
+        text, *receiver = _parts(str(value).strip())
+        if text in NAMED:
+            text, *own = _parts(NAMED[text])
+            receiver = [*own, *receiver]
+        kind, settings = cls._read_kind(text, value)
+        found: dict[str, str] = {}
+        for each in receiver:
+            scales, _, scale = each.partition(":")
+            name, said = ("scale", scale) if scales == "scale" else ("missing", each)
+            if name in found:
+                raise ValueError(f"{shown(value)} says twice what a receiver does")
+            found[name] = said
+        return cls(kind, settings, **found)
+
+    @staticmethod
+    def _read_kind(text: str, value: object) -> tuple[str, tuple[float, ...]]:
         if text in WORDS:
-            return cls(LINKS, (WORDS[text],))
+            return LINKS, (WORDS[text],)
         kind, colon, settings = text.partition(":")
         try:
             if not isinstance(value, str) or not (colon or text[:1].isalpha()):
-                return cls(LINKS, (number(text),))
-            return cls(kind, tuple(map(number, settings.split(","))) if colon else ())
+                return LINKS, (number(text),)
+            return kind, tuple(map(number, settings.split(","))) if colon else ()
         except ValueError as error:
             raise ValueError(f"{_EXPECTED}, not {shown(value)}") from error
 
     @property
     def key(self) -> str:
-        """`links:0.5`, `kind:1,0.5`: what `read` reads, one text a channel."""
-        return self.kind + ":" * bool(self.settings) + ",".join(map(_digits, self.settings))
+        """`links:0.5`, `kind:1,0.5+hold:3`: what `read` reads, one text a channel."""
+        settings = ":" * bool(self.settings) + ",".join(map(_digits, self.settings))
+        missing = f"+{self.missing}" if self.missing != "zero" else ""
+        scale = f"+scale:{self.scale}" if self.scale != SCALES[0] else ""
+        return self.kind + settings + missing + scale
 
     @property
     def entry(self) -> dict[str, float | str]:
         """How rows of records and of `--json` name it; broken links as before there were others."""
-        if self.kind == LINKS:
+        if self.is_links:
             return {"broken_links": self.settings[0]}
         return {"channel": self.key}
 
     @property
+    def is_links(self) -> bool:
+        """Whether it is the paper's test: broken links, and nothing else."""
+        return self.kind == LINKS and self.plain
+
+    @property
     def word(self) -> str:
-        """For a mark on an axis: `half`, `30%`; of other kinds `kind 1, 0.5`."""
-        if self.kind != LINKS:
-            return " ".join([self.kind, ", ".join(map(_digits, self.settings))]).strip()
-        words = {share: word for word, share in WORDS.items()}
-        return words.get(self.settings[0], f"{100 * self.settings[0]:g}%")
+        """For a mark on an axis: `half`, `30%`; of other kinds `kind 1, 0.5, hold 3`."""
+        return self._named(links="")
 
     @property
     def short(self) -> str:
         """For the head of a column: `half broken`; of other kinds the word."""
-        return f"{self.word} broken" if self.kind == LINKS else self.word
+        return self._named(links=" broken")
 
     @property
     def label(self) -> str:
         """For a sentence: `half of the links broken`; of other kinds the word."""
-        return f"{self.word} of the links broken" if self.kind == LINKS else self.word
+        return self._named(links=" of the links broken")
+
+    def _named(self, links: str) -> str:
+        names = {key: name for name, key in NAMED.items()}
+        if name := names.get(self.key):
+            return name
+        settings = ", ".join(map(_digits, self.settings))
+        said = names.get(replace(self, missing="zero", scale=SCALES[0]).key)
+        if self.kind == LINKS:
+            words = {share: word for word, share in WORDS.items()}
+            said = words.get(self.settings[0], f"{100 * self.settings[0]:g}%")
+            said += links if self.plain else " broken"
+        missing = "" if self.missing == "zero" else f", {self.missing.replace(':', ' ')}"
+        scale = "" if self.scale == SCALES[0] else f", scale {self.scale}"
+        return (said or f"{self.kind} {settings}".strip()) + missing + scale
 
 
 NONE_BROKEN = Channel(LINKS, (0.0,))
 """Every message arrives."""
 
 
+def _parts(text: str) -> list[str]:
+    """What stands between the `+` of a channel; that of 1e+3 is none."""
+    return re.split(r"\+(?=[a-z])", text)
+
+
 def only_links(channels: Iterable[Channel]) -> bool:
     """Whether it is the paper's test: nothing but broken links."""
-    return all(each.kind == LINKS for each in channels)
+    return all(each.is_links for each in channels)
 
 
 def title_of(channels: Iterable[Channel]) -> str:
@@ -112,7 +189,7 @@ def build_channel(channel: Channel, kinds: Mapping[str, type[Any]]) -> Any:
     Raises DefinitionError: an unknown kind, or settings that it does not take.
     """
     if channel.kind not in kinds:
-        known = nearest(channel.kind, [*WORDS, *kinds])
+        known = nearest(channel.kind, [*WORDS, *NAMED, *kinds])
         raise DefinitionError(f"no channel is called {channel.kind!r}; {known}")
     kind = kinds[channel.kind]
     names = [field.name for field in fields(kind)]

@@ -5,13 +5,11 @@ ones. Games, starts and the channel's numbers come from evaluation streams of th
 variants with the same seed meet the same episodes, and evaluating more cannot change training.
 """
 
-import time
 from collections.abc import Callable
 from itertools import chain
 from pathlib import Path
 from typing import Any
 
-import torch
 from torch import Tensor
 
 from msgdrop_cli.algorithms.discovery import learner_class
@@ -20,9 +18,12 @@ from msgdrop_cli.definition.channel import NONE_BROKEN, Channel
 from msgdrop_cli.definition.run_id import spec_from_dict
 from msgdrop_cli.definition.spec import MOST_LOG_ROWS, RunSpec
 from msgdrop_cli.engine import arithmetic
+from msgdrop_cli.engine.delivery import Delivery
 from msgdrop_cli.engine.offers import catalogue
+from msgdrop_cli.engine.playing import play_episodes
 from msgdrop_cli.engine.randomness import Streams
 from msgdrop_cli.engine.tensors import check_finite, copy_into, read_tensors
+from msgdrop_cli.engine.worst_links import worst_links
 from msgdrop_cli.errors import DefinitionError, RecordError
 from msgdrop_cli.records.files import read_json, run_lock, write_jsonl_atomic
 from msgdrop_cli.records.store import EPISODES, POLICY, RUN, list_runs
@@ -55,10 +56,13 @@ def evaluate(
     copy_into(learner.policy(0), weights, file)
     check_finite(weights, file)
     streams = Streams([spec.seed], device)
-    arriving = _arriving(channel, env.agents, streams, episodes)
+    found = kind_of(channel).links_to_find
+    lost = worst_links(learner.act_greedily, env, spec.seed, found, device) if found else None
+    delivery = Delivery(channel, env, streams, episodes, lost)
 
     def act(games: autoreset.Games, playing: Tensor) -> Tensor:
-        return learner.act_greedily(games.obs, arriving(playing))
+        received = None if channel == NONE_BROKEN else delivery(games, playing)
+        return learner.act_greedily(games.obs, received)
 
     table = play_episodes(env, act, streams, episodes, stop)
     if table is None:
@@ -106,72 +110,12 @@ def evaluate_run(
         return len(rows)
 
 
-def _arriving(
-    channel: Channel, agents: int, streams: Streams, episodes: int
-) -> Callable[[Tensor], Tensor | None]:
-    """What arrives in the next step of the episodes in play: keep [1, E, N, S]; None: everything.
-
-    Every channel reads the same numbers, which are no game's: all of them meet the same games.
-    """
-    if channel == NONE_BROKEN:
-        return lambda playing: None
-    kind = kind_of(channel)
-    state = kind.start(streams.uniforms("links", episodes, kind.episode_uniforms(agents)), agents)
-
-    def arriving(playing: Tensor) -> Tensor:
-        numbers = streams.uniforms("links", episodes, kind.step_uniforms(agents))
-        keep, state[:, playing] = kind.step(state[:, playing], numbers[:, playing], agents)
-        return keep
-
-    return arriving
-
-
 def _spec_of(run_path: Path) -> RunSpec:
     run = read_json(run_path / RUN)
     try:
         return spec_from_dict(run["spec"], catalogue(), f"{run_path / 'run.json'}: spec")
     except DefinitionError as error:
         raise RecordError(str(error)) from error
-
-
-def play_episodes(
-    env: Environment,
-    act: Callable[[autoreset.Games, Tensor], Tensor],
-    streams: Streams,
-    episodes: int,
-    stop: Callable[[], bool] = lambda: False,
-) -> Tensor | None:
-    """Play whole episodes, each in a game of its own; None if `stop` said so.
-
-    act: the games still in play [1, E, ...] and which episodes [E] they are, to actions
-    [1, E, N, ...]. Returns [episodes, 3 + counts]: steps, finished, return and the environment's
-    counts of each.
-    """
-    looked_up = time.monotonic()
-    games = autoreset.start(
-        env,
-        streams.uniforms("evaluate", episodes, env.reset_uniforms),
-        torch.zeros(1, episodes, dtype=torch.long, device=streams.device),
-    )
-    table = torch.zeros(episodes, 3 + len(env.counts), device=streams.device)
-    playing = torch.arange(episodes, device=streams.device)
-    while len(playing):
-        if time.monotonic() - looked_up > 0.5:
-            looked_up = time.monotonic()
-            if stop():
-                return None
-        actions = act(games, playing)
-        uniforms = streams.uniforms("evaluate", episodes, env.step_uniforms)[:, playing]
-        games, transition = autoreset.play(env, games, actions, uniforms)
-        ended = transition.ended[0]
-        finished = (ended & (transition.discount[0] == 0)).float()
-        counts = [transition.info[name][0] for name in env.counts]
-        columns = [torch.ones_like(finished), finished, transition.reward[0].sum(-1), *counts]
-        table[playing] += torch.stack(columns, -1)
-        if ended.any():
-            on = ~ended
-            games, playing = autoreset.take(games, on), playing[on]
-    return table
 
 
 def _row(env: Environment, channel: Channel, episode: int, values: list[float]) -> dict[str, Any]:

@@ -6,9 +6,9 @@ from torch import Tensor
 
 from msgdrop_cli.definition.run_id import spec_from_dict
 from msgdrop_cli.engine import arithmetic
-from msgdrop_cli.engine.evaluation import play_episodes
 from msgdrop_cli.engine.facts import commit
 from msgdrop_cli.engine.offers import catalogue
+from msgdrop_cli.engine.playing import play_episodes
 from msgdrop_cli.engine.randomness import Streams
 from msgdrop_cli.errors import DefinitionError
 from msgdrop_envs import autoreset, registry

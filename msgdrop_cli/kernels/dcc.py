@@ -112,12 +112,15 @@ class DCCKernel:
         )
         return self._loss, self._q
 
-    def q_values(self, obs: Tensor, factor: Tensor) -> Tensor:
-        """Q of the online networks, [G, E, A]; obs [R, E, N, O], factor [G, E, 1+S, 1 or O]."""
+    def q_values(self, obs: Tensor, factor: Tensor, shown: Tensor) -> Tensor:
+        """Q of the online networks, [G, E, A]; obs [R, E, K, O], factor [G, E, 1+S, 1 or O].
+
+        shown: [N, 1+S], which of the K observations are agent i's own and its messages.
+        """
         rows, obs = obs.shape[1], obs.to(self._dtype).contiguous()
         q = torch.empty(self._q.shape[0], rows, self._q.shape[2])
-        memory = DCCMemory(obs=pointer(obs), shown=pointer(self._shown))
-        memory.agents = memory.obs_blocks = obs.shape[2]
+        memory = DCCMemory(obs=pointer(obs), shown=pointer(shown))
+        memory.agents, memory.obs_blocks = len(shown), obs.shape[2]
         self._functions.dcc_q_values(
             byref(self._net),
             byref(self._parameters),

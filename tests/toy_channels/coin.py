@@ -5,11 +5,11 @@ from typing import ClassVar
 
 from torch import Tensor
 
-from msgdrop_cli.channels import Arriving
+from msgdrop_cli.channels import Arriving, Kind, Scene, by_message, lost_where
 
 
 @dataclass(frozen=True, slots=True)
-class Coin:
+class Coin(Kind):
     """Forgets everything between two steps."""
 
     example: ClassVar[tuple[float, ...]] = (0.3,)
@@ -20,19 +20,10 @@ class Coin:
         if not 0.0 <= self.rate <= 1.0:
             raise ValueError(f"rate must lie between 0 and 1, not {self.rate}")
 
-    def episode_uniforms(self, agents: int) -> int:
-        """None."""
-        return 0
-
     def step_uniforms(self, agents: int) -> int:
         """One for each message."""
         return agents * (agents - 1)
 
-    def start(self, uniforms: Tensor, agents: int) -> Tensor:
-        """Nothing to remember, [..., 0]."""
-        return uniforms
-
-    def step(self, state: Tensor, uniforms: Tensor, agents: int) -> Arriving:
+    def step(self, state: Tensor, uniforms: Tensor, scene: Scene) -> Arriving:
         """A number below the rate loses its message."""
-        keep = (uniforms >= self.rate).float().unflatten(-1, (agents, agents - 1))
-        return Arriving(keep=keep, state=state)
+        return Arriving(lost_where(by_message(uniforms, scene.agents) < self.rate), state)

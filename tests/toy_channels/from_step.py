@@ -5,30 +5,23 @@ from typing import ClassVar
 
 from torch import Tensor
 
-from msgdrop_cli.channels import Arriving
+from msgdrop_cli.channels import Arriving, Kind, Scene, lost_where
 
 
 @dataclass(frozen=True, slots=True)
-class FromStep:
+class FromStep(Kind):
     """Counts the steps of each game."""
 
     example: ClassVar[tuple[float, ...]] = (3.0,)
     first: float
     """Steps before the first message arrives."""
 
-    def episode_uniforms(self, agents: int) -> int:
-        """None."""
-        return 0
-
-    def step_uniforms(self, agents: int) -> int:
-        """None."""
-        return 0
-
     def start(self, uniforms: Tensor, agents: int) -> Tensor:
         """Steps so far, [..., 1]."""
         return uniforms.new_zeros(*uniforms.shape[:-1], 1)
 
-    def step(self, state: Tensor, uniforms: Tensor, agents: int) -> Arriving:
+    def step(self, state: Tensor, uniforms: Tensor, scene: Scene) -> Arriving:
         """One step more."""
-        arrives = (state >= self.first).float()[..., None]
-        return Arriving(keep=arrives.expand(*state.shape[:-1], agents, agents - 1), state=state + 1)
+        lost = lost_where(state < self.first)[..., None]
+        age = lost.expand(*state.shape[:-1], scene.agents, scene.agents - 1)
+        return Arriving(age, state + 1)

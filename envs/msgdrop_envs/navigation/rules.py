@@ -157,6 +157,10 @@ class Navigation:
         obs = self._observation(state, others, landmarks)
         return state, Transition(obs, reward, (~ended).float(), ended, info)
 
+    def places(self, state: State) -> Tensor:
+        """Where the agents are, [..., N, 2]."""
+        return state.positions
+
     def observe(self, state: State) -> Tensor:
         """Velocity, position, landmarks, other agents in increasing order (paper l. 378-379).
 

@@ -147,6 +147,10 @@ class Pursuit:
         info = {name: each.sum(-1, dtype=torch.float32) for name, each in happened.items()}
         return state, Transition(self.observe(state), reward, goes_on.float(), ~goes_on, info)
 
+    def places(self, state: State) -> Tensor:
+        """Where the pursuers are, in cells: [..., N, 2] float32."""
+        return state.pursuers.float()
+
     def observe(self, state: State) -> Tensor:
         """Counts of other pursuers and of evaders, and the edge (paper l. 370-372).
 

@@ -139,6 +139,10 @@ class Waterworld:
         )
         return State(games_first(positions, batch), games_first(velocities, batch)), transition
 
+    def places(self, state: State) -> Tensor:
+        """Where the pursuers are, in sides of the square: [..., N, 2]."""
+        return state.positions[..., : self.agents, :]
+
     def observe(self, state: State) -> Tensor:
         """Position and what the sensors read, [..., N, O] float32 (paper l. 389-390)."""
         positions, velocities = games_last(state.positions), games_last(state.velocities)
