@@ -40,27 +40,42 @@ class Delivery:
             raise DefinitionError(
                 f"channel {channel.key}: this game does not say where its agents are"
             )
-        self._episodes, self._step = episodes, 0
+        self._episodes, self._playing = episodes, torch.arange(episodes, device=streams.device)
         uniforms = streams.uniforms("links", episodes, kind.episode_uniforms(env.agents))
         if lost is not None:
             uniforms = lost.float().flatten().expand_as(uniforms)
         self._state = kind.start(uniforms, env.agents)
         self._senders = others(env.agents, streams.device)  # [N, S]
         self._said: list[Tensor] = []
-        """[E, N, M] each: the messages of the last steps, this step's first."""
+        """[P, N, M] each: the messages of the last steps, this step's first."""
         self._filled: _Filled | None = None
 
     def arriving(self, games: Games, playing: Tensor) -> Arriving:
         """How old what arrives in the next step is; games [1, P], playing [P]: which they are."""
+        self._forget_all_but(playing)
         kind, agents = self._kind, self._env.agents
         uniforms = self._streams.uniforms("links", self._episodes, kind.step_uniforms(agents))
         positions = self._env.places(games.state) if kind.needs_positions else None  # type: ignore[attr-defined]
         scene = Scene(agents, games.elapsed, positions)
-        found = kind.step(self._state[:, playing], uniforms[:, playing], scene)
-        self._state[:, playing] = found.state
+        found = kind.step(self._state, uniforms[:, playing], scene)
+        self._state = found.state
+        if kind.oldest == 0:
+            return found
         # Before an episode's beginning nothing was said.
         early = found.age > games.elapsed[..., None, None]
         return found._replace(age=found.age.masked_fill(early, LOST))
+
+    def _forget_all_but(self, playing: Tensor) -> None:
+        """Drop what is remembered of episodes that have ended."""
+        if len(playing) == len(self._playing):
+            return
+        place = torch.empty(self._episodes, dtype=torch.long, device=playing.device)
+        place[self._playing] = torch.arange(len(self._playing), device=playing.device)
+        kept, self._playing = place[playing], playing
+        self._state = self._state[:, kept]
+        self._said = [said[kept] for said in self._said]
+        if self._filled is not None:
+            self._filled.keep_only(kept)
 
     def __call__(self, games: Games, playing: Tensor) -> Received:
         """What the receivers make of it; the messages are what the agents see."""
@@ -71,61 +86,56 @@ class Delivery:
         scale = self._channel.scale
         if plain and not altered and self._kind.oldest == 0:
             return Received(keep, scale=scale)  # type: ignore[arg-type]
-        messages = self._messages(games.obs[0], found, playing)
+        messages = self._messages(games.obs[0], found)
         if self._channel.missing != "zero":
             if self._filled is None:
-                self._filled = _Filled(self._channel, self._episodes, messages)
-            messages, keep = self._filled.fill(messages, keep[0], playing)
+                self._filled = _Filled(self._channel.hold, messages)
+            messages, keep = self._filled.fill(messages, found.age[0] != LOST)
         return Received(keep, messages[None], scale)  # type: ignore[arg-type]
 
-    def _messages(self, said: Tensor, found: Arriving, playing: Tensor) -> Tensor:
+    def _messages(self, said: Tensor, found: Arriving) -> Tensor:
         """The messages themselves, [P, N, S, M]; anything where none arrives. said: [P, N, M]."""
         numbers = self._kind.message_uniforms(said.shape[-1])
         if numbers:
             shape = (self._episodes, self._env.agents, numbers)
-            uniforms = self._streams.uniforms("noise", *shape)[0, playing]
+            uniforms = self._streams.uniforms("noise", *shape)[0, self._playing]
             said = self._kind.alter(said.float(), uniforms)
-        everybody = said.new_zeros(self._episodes, *said.shape[1:])
-        everybody[playing] = said
-        self._said = [everybody, *self._said[: self._kind.oldest]]
-        age, games = found.age[0], playing[:, None, None]
         speaker = self._senders if found.speaker is None else found.speaker[0]
-        if found.game is not None:
-            games = playing[found.game[0]][:, None, None]
-        if self._kind.oldest == 0:
-            return everybody[games, speaker]
-        kept = torch.stack(self._said)  # [ages, E, N, M]
-        return kept[age.clamp(max=len(kept) - 1).long(), games, speaker]
+        if self._kind.oldest:
+            self._said = [said, *self._said[: self._kind.oldest]]
+            said = torch.cat(self._said)  # [ages * P, N, M]
+        # The row of each message among all that have been said.
+        games, agents = len(self._playing), self._env.agents
+        game = torch.arange(games, device=said.device) if found.game is None else found.game[0]
+        age = found.age[0].clamp(max=len(said) // games - 1).long()
+        rows = (age * games + game[:, None, None]) * agents + speaker  # [P, N, S]
+        messages = said.flatten(0, 1).index_select(0, rows.flatten())
+        return messages.view(*rows.shape, -1)
 
 
 class _Filled:
     """Receivers that put something where no message arrives: the last one, or their mean."""
 
-    def __init__(self, channel: Channel, episodes: int, like: Tensor) -> None:
-        self._hold = channel.hold
-        shape, device = (episodes, *like.shape[1:]), like.device
-        dtype = like.dtype if self._hold else torch.float32
-        self._last = torch.zeros(shape, dtype=dtype, device=device)
-        """The last message of each link, or the sum of all, [E, N, S, M]."""
-        self._count = torch.zeros(shape[:-1], dtype=torch.long, device=device)
-        """Steps since it arrived, or how many arrived, [E, N, S]; -1: none has."""
-        if self._hold:
-            self._count.fill_(-1)
+    def __init__(self, hold: int, like: Tensor) -> None:
+        """hold: for how many steps a message stands in, 0 for the mean; like: [P, N, S, M]."""
+        self._hold = hold
+        self._last = torch.zeros_like(like, dtype=None if hold else torch.float32)
+        """The last message of each link, or the sum of all, [P, N, S, M]."""
+        self._count = torch.full_like(like[..., 0], -1 if hold else 0, dtype=torch.long)
+        """Steps since it arrived (-1: none has), or how many have arrived, [P, N, S]."""
 
-    def fill(self, messages: Tensor, keep: Tensor, playing: Tensor) -> tuple[Tensor, Tensor]:
-        """What the receivers have, [P, N, S, M], and where, [1, P, N, S]; keep [P, N, S]."""
-        arrives = keep > 0
-        last, count = self._last[playing], self._count[playing]
+    def keep_only(self, episodes: Tensor) -> None:
+        """Forget the others."""
+        self._last, self._count = self._last[episodes], self._count[episodes]
+
+    def fill(self, messages: Tensor, arrives: Tensor) -> tuple[Tensor, Tensor]:
+        """What the receivers have, [P, N, S, M], and where, [1, P, N, S]; arrives [P, N, S]."""
+        count, here = self._count, arrives[..., None]
         if self._hold:
-            last = torch.where(arrives[..., None], messages, last)
-            count = torch.where(arrives, 0, count + (count >= 0))
-            there = (count >= 0) & (count <= self._hold)
-        else:
-            last = last + messages * keep[..., None]
-            count = count + arrives
-            there = count > 0
-        self._last[playing], self._count[playing] = last, count
-        if not self._hold:
-            mean = last / count.clamp(min=1)[..., None]
-            last = torch.where(arrives[..., None], messages.float(), mean)
-        return last, there.float()[None]
+            self._last = messages = torch.where(here, messages, self._last)
+            self._count = count = torch.where(arrives, 0, count + (count >= 0))
+            return messages, ((count >= 0) & (count <= self._hold)).float()[None]
+        self._last += messages * here
+        self._count = count = count + arrives
+        mean = self._last / count.clamp(min=1)[..., None]
+        return torch.where(here, messages, mean), (count > 0).float()[None]
