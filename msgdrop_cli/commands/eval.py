@@ -27,13 +27,7 @@ def evaluate(
             autocompletion=lambda: list(WORDS),
         ),
     ] = "none",
-    channel: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="KIND:SETTINGS",
-            help="What else messages go through, e.g. links:0.3, which is 30% of them broken.",
-        ),
-    ] = None,
+    channel: options.Channels = None,
     episodes: options.Episodes = 1_000,
     workers: options.Workers = 2,
     device: options.Device = "cpu",

@@ -1,11 +1,15 @@
-"""`msgdrop unstable-test`: the paper's test in the unstable environment (l. 519-541)."""
+"""`msgdrop unstable-test`: the paper's test in the unstable environment (l. 519-541), and more."""
 
 from pathlib import Path
+from typing import Annotated
 
 import typer
 
-from msgdrop_cli.commands.parts import options
+from msgdrop_cli.commands.parts import options, words
+from msgdrop_cli.definition.channel import NONE_BROKEN
 from msgdrop_cli.definition.load import load_definition
+from msgdrop_cli.definition.sweep import Sweep
+from msgdrop_cli.errors import DefinitionError
 
 app = typer.Typer()
 _QUESTION = "broken-links"
@@ -13,16 +17,24 @@ _QUESTION = "broken-links"
 
 @app.command(
     "unstable-test",
-    epilog=options.examples("unstable-test", "unstable-test results/published --episodes 100"),
+    epilog=options.examples("unstable-test", "unstable-test --sweep loss:0..1:11 --episodes 200"),
 )
 def unstable_test(
     results: options.Folder = Path("results"),
+    channel: options.Channels = None,
+    sweep: Annotated[
+        str | None,
+        typer.Option(
+            metavar="KIND:LOW..HIGH:POINTS",
+            help="Every variant against one setting of a channel, e.g. loss:0..1:11.",
+        ),
+    ] = None,
     episodes: options.Episodes = 1_000,
     workers: options.Workers = 2,
     device: options.Device = "cpu",
     json: options.Json = False,
 ) -> int:
-    """Break none, half and all of the links, and compare.
+    """Break none, half and all of the links, and compare; or whatever else can fail.
 
     RESULTS is a folder (default: results). Published policies are used if the folder holds no
     others. Episodes that were played before are not played again.
@@ -30,12 +42,23 @@ def unstable_test(
     options.check_workers(workers)
     options.check_episodes(episodes)
     options.check_device_name(device)
-    from msgdrop_cli.commands.parts.measure import measure  # after the quick checks
+    if sweep is not None and channel:
+        raise DefinitionError("--sweep and --channel: expected one of them")
+    swept = None if sweep is None else Sweep.read(sweep, "--sweep")
+    asked = [words.channel(each, "--channel") for each in channel or ()]
+    options.check_channels(swept.channels if swept else asked)
+    if swept is not None:
+        from msgdrop_cli.commands.parts.show_sweep import show_sweep  # after the quick checks
+
+        return show_sweep(
+            results, swept, episodes=episodes, workers=workers, device=device, as_json=json
+        )
+    from msgdrop_cli.commands.parts.measure import measure
 
     question = load_definition(_QUESTION)
     return measure(
         results,
-        channels=question.channels,
+        channels=tuple(dict.fromkeys((NONE_BROKEN, *asked))) if asked else question.channels,
         episodes=episodes,
         workers=workers,
         device=device,

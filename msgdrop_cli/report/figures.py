@@ -50,8 +50,8 @@ def draw_all(summary: Summary, folder: Folder) -> list[Path]:
             for kind, draw in kinds.items():
                 figure = draw(summary, group)
                 if figure is not None:
-                    name = f"{_file_stem(group)}-{kind}.png"
-                    paths.append(write_atomic(folder, name, _png(figure)))
+                    name = f"{file_stem(group)}-{kind}.png"
+                    paths.append(write_atomic(folder, name, png(figure)))
     return paths
 
 
@@ -123,12 +123,13 @@ def _env_steps_axis(axes: "Axes", steps: int) -> None:
     axes.set_xlabel(f"{word}env steps", fontsize=9.5, color=INK)
 
 
-def _file_stem(group: Group) -> str:
+def file_stem(group: Group) -> str:
+    """How the names of a group's files begin."""
     words = (group.environment, group.profile, str(group.train_env_steps))
     return "-".join(re.sub(r"[^A-Za-z0-9._-]", "_", word) for word in words).lstrip(".")
 
 
-def _png(figure: "Figure") -> bytes:
+def png(figure: "Figure") -> bytes:
     """The figure on its paper, or on as much more as long names or large numbers ask for."""
     from matplotlib.transforms import Bbox
 

@@ -5,6 +5,7 @@ from contextlib import suppress
 import typer
 
 from msgdrop_cli.commands.parts import vocabulary
+from msgdrop_cli.definition.channel import NAMED
 from msgdrop_cli.definition.load import list_definitions, load_definition
 from msgdrop_cli.definition.spec import Definition
 from msgdrop_cli.errors import DefinitionError
@@ -25,6 +26,11 @@ def profiles(context: typer.Context) -> list[str]:
     asked = _question(context)
     definitions = [_definition(name) for name in ([asked] if asked else list_definitions())]
     return list(dict.fromkeys(name for each in definitions if each for name in each.profiles))
+
+
+def channels() -> list[str]:
+    """The kinds of channels, by their files, and those with a name of their own."""
+    return sorted([*vocabulary.channels(), *NAMED])
 
 
 def settings(context: typer.Context) -> list[tuple[str, str]]:

@@ -94,6 +94,16 @@ Folder = Annotated[
 Episodes = Annotated[
     int, typer.Option(metavar="N", help="Episodes of each policy and channel.", parser=whole)
 ]
+Channels = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--channel",
+        metavar="KIND:SETTINGS",
+        help="What else messages go through: loss:0.2, bursts:0.2,4, delay:2, ...; what receivers"
+        " do after +: loss:0.2+hold:5.",
+        autocompletion=completion.channels,
+    ),
+]
 DryRun = Annotated[bool, typer.Option("--dry-run", help="Show the plan and stop there.")]
 Json = Annotated[bool, typer.Option("--json", help="Results as JSON on stdout.")]
 

@@ -48,6 +48,12 @@ def environments() -> list[Section]:
     return [each for game in packages() for each in _sections("environment", game, "PAPER")]
 
 
+def channels() -> list[str]:
+    """The kinds of channels, whose names are those of their files."""
+    files = (Path(spec.__file__).parents[1] / "channels").glob("[a-z]*.py")
+    return sorted(file.stem.replace("_", "-") for file in files)
+
+
 def training() -> tuple[Setting, ...]:
     """What every run has."""
     return tuple(_settings(ast.parse(Path(spec.__file__).read_text()), "TrainingSpec"))

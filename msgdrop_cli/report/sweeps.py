@@ -1,0 +1,139 @@
+"""A sweep as a table, as a figure and as numbers for other programs."""
+
+import csv
+import io
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from msgdrop_cli.analysis.summary import Group, Summary
+from msgdrop_cli.analysis.sweeps import NEVER, Swept
+from msgdrop_cli.definition.sweep import Sweep
+from msgdrop_cli.report.captions import footer, scale
+from msgdrop_cli.report.figures import file_stem, png
+from msgdrop_cli.report.looks import shown_arms
+from msgdrop_cli.report.marks import end, label_ends, measure_axis
+from msgdrop_cli.report.settings import own_settings
+from msgdrop_cli.report.style import AXES, INK, QUIET, Size, canvas
+from msgdrop_cli.report.table import NOTHING, Table
+from msgdrop_cli.report.write import Folder, write_atomic
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+_RIGHT = 1.9
+"""Inches beside the axes, where the names stand."""
+
+
+def sweep_table(summary: Summary, group: Group, sweep: Sweep, swept: Sequence[Swept]) -> Table:
+    """Each arm at both ends and in the middle, its mean height, and where it falls below FDC."""
+    metric = summary.metrics(group.environment).headline
+    shown = sorted({0, len(sweep.values) // 2, len(sweep.values) - 1})
+    rows = [
+        (
+            each.arm.label,
+            str(len(each.areas)),
+            *(f"{each.rows[place].mean:.1f}" for place in shown),
+            f"{each.area:.1f} [{min(each.areas.values()):.1f}, {max(each.areas.values()):.1f}]",
+            _fall(each),
+        )
+        for each in swept
+    ]
+    episodes = swept[0].rows[0].episodes if swept else 0
+    return Table(
+        title=f"{sweep.text}, {scale(group)}",
+        headers=(
+            *("variant", "seeds"),
+            *(sweep.channels[place].short for place in shown),
+            "mean over the range [seeds]",
+            "below FDC from [seeds]",
+        ),
+        rows=tuple(rows),
+        caption=f"{metric.label} = {metric.formula}; {episodes:,} greedy episodes a seed and "
+        "setting. In brackets: the lowest and the highest seed; FDC's is its own seed's.",
+    )
+
+
+def _fall(swept: Swept) -> str:
+    if swept.fall is None:
+        return NOTHING
+    ends = sorted(swept.falls.values())
+    between = f" [{_place(ends[0])}, {_place(ends[-1])}]" if ends else ""
+    return _place(swept.fall) + between
+
+
+def _place(value: float) -> str:
+    return "never" if value == NEVER else f"{value:.3g}"
+
+
+def write_sweep(
+    summary: Summary, group: Group, sweep: Sweep, swept: Sequence[Swept], folder: Folder
+) -> list[Path]:
+    """Write the figure and the numbers in it; RecordError (73, 74) if they cannot be written."""
+    name = "".join(letter if letter.isalnum() else "-" for letter in sweep.text).strip("-")
+    stem = f"{file_stem(group)}-sweep-{name}"
+    with own_settings():
+        picture = png(draw_sweep(summary, group, sweep, swept))
+    return [
+        write_atomic(folder, f"{stem}.png", picture),
+        write_atomic(folder, f"{stem}.csv", _csv(summary, group, sweep, swept)),
+    ]
+
+
+def draw_sweep(summary: Summary, group: Group, sweep: Sweep, swept: Sequence[Swept]) -> "Figure":
+    """Each arm's headline against the setting: the mean of the seeds, and every seed as a dot."""
+    metric = summary.metrics(group.environment).headline
+    looks = {id(each.arm): each for each in shown_arms(summary, group)}
+    below = footer(
+        summary,
+        group,
+        [each.arm for each in swept],
+        f"{metric.label} = {metric.formula}; greedy evaluation after training, the same policies "
+        "and games at each setting. Lines: mean over seeds. Dots: seeds. Ticks below: where a "
+        "mean falls below FDC's.",
+    )
+    ends = [
+        end(shown.label, each.rows[-1].mean, shown.look.colour, shown.look.marker)
+        for each in swept
+        for shown in [looks[id(each.arm)]]
+    ]
+    size = Size(AXES.width, max(AXES.height, sum(each.height for each in ends)))
+    figure, axes = canvas(f"{sweep.text}, {scale(group)}", below, size=size, right=_RIGHT)
+    values = []
+    for each in swept:
+        look = looks[id(each.arm)].look
+        means = [row.mean for row in each.rows]
+        axes.plot(
+            sweep.values, means, color=look.colour, linestyle=look.line, marker=look.marker,
+            linewidth=1.8, markersize=5.0, markeredgecolor="white", markeredgewidth=0.5, zorder=3,
+        )  # fmt: skip
+        for place, row in zip(sweep.values, each.rows, strict=True):
+            seeds = list(row.by_seed.values())
+            axes.scatter([place] * len(seeds), seeds, s=7, color=look.colour, alpha=0.45, zorder=2)
+            values += seeds
+        if each.fall is not None and each.fall != NEVER:
+            top = axes.get_xaxis_transform()
+            axes.plot([each.fall] * 2, [0, 0.035], color=look.colour, transform=top, linewidth=2)
+    axes.set_xlim(sweep.values[0], sweep.values[-1])
+    axes.set_xlabel(sweep.name, fontsize=9.5, color=INK)
+    axes.tick_params(colors=QUIET)
+    measure_axis(axes, metric, values)
+    label_ends(axes, ends)
+    return figure
+
+
+def _csv(summary: Summary, group: Group, sweep: Sweep, swept: Sequence[Swept]) -> bytes:
+    """One line a variant, seed and setting."""
+    metric = summary.metrics(group.environment).headline
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    columns = ("environment", "train_env_steps", "profile", "variant", "seed", "run_id")
+    writer.writerow([*columns, "channel", "setting", metric.name])
+    for each in swept:
+        runs = {record.seed: record.run_id for record in each.arm.done}
+        for value, row in zip(sweep.values, each.rows, strict=True):
+            for seed, number in row.by_seed.items():
+                about = (group.environment, group.train_env_steps, group.profile)
+                who = (each.arm.variant, seed, runs.get(seed, ""))
+                writer.writerow([*about, *who, row.channel.key, f"{value:g}", repr(number)])
+    return text.getvalue().encode()

@@ -1,0 +1,113 @@
+"""A channel's setting over a range: how it is asked for, and what is read off the curves."""
+
+import csv
+import io
+import json
+from pathlib import Path
+
+import pytest
+
+from msgdrop_cli.analysis.sweeps import NEVER, first_below, mean_height
+from msgdrop_cli.definition.channel import Channel
+from msgdrop_cli.definition.sweep import Sweep
+from msgdrop_cli.errors import DefinitionError
+from msgdrop_cli.records.store import list_runs
+from tests.cli_runs import QUESTION, Said, Store, copied_store, msgdrop
+
+
+@pytest.fixture(scope="module")
+def store(tmp_path_factory: pytest.TempPathFactory) -> Store:
+    """Four tiny runs, of FDC and DCC."""
+    folder = tmp_path_factory.mktemp("cli")
+    question = folder / "tiny.toml"
+    told = QUESTION.partition("[[claims]]")[0]
+    told = told.replace('[variants."md-0.2"]', "[variants.fdc]")
+    question.write_text(told.replace('"dcc-md", rate = 0.2', '"fdc"'))
+    empty = Store(question, folder / "results", Said(0, "", ""))
+    return empty._replace(said=empty.ablate())
+
+
+LOSSES = ("loss:0", "loss:0.1", "loss:0.2", "loss:0.3")
+MEANS = ("delay:1+mean", "delay:2+mean", "delay:3+mean")
+NO_RANGES = (
+    *("loss", "loss:0.5", "loss:0..1", "loss:1..0:3", "loss:0..1:1", "loss:0..1:1000"),
+    "bursts:0..1:3,0..1:3",
+)
+
+
+@pytest.mark.parametrize(
+    ("text", "values", "keys", "name"),
+    [
+        ("loss:0..1:3", (0, 0.5, 1), ("loss:0", "loss:0.5", "loss:1"), "loss"),
+        ("loss:0..30%:4", (0, 0.1, 0.2, 0.3), LOSSES, "loss"),
+        ("links:0..1:2", (0, 1), ("links:0", "links:1"), "links"),
+        ("bursts:0..0.5:2,4", (0, 0.5), ("bursts:0,4", "bursts:0.5,4"), "bursts x,4"),
+        ("delay:1..3:3+mean", (1, 2, 3), MEANS, "delay x+mean"),
+        ("bursts:0.2,1..9:2", (1, 9), ("bursts:0.2,1", "bursts:0.2,9"), "bursts 0.2,x"),
+    ],
+)
+def test_a_range_is_read(
+    text: str, values: tuple[float, ...], keys: tuple[str, ...], name: str
+) -> None:
+    """Any setting of any kind, with what receivers do."""
+    found = Sweep.read(text, "--sweep")
+    assert found.values == values
+    assert [channel.key for channel in found.channels] == list(keys)
+    assert found.name == name
+
+
+@pytest.mark.parametrize("text", NO_RANGES)
+def test_what_is_no_range_is_refused(text: str) -> None:
+    """In one line that names the option and shows an example or the bounds."""
+    with pytest.raises(DefinitionError, match=r"--sweep: expected .*(loss:0\.\.1:11|2 to 101)"):
+        Sweep.read(text, "--sweep")
+
+
+def test_the_mean_height_is_the_area_by_the_width() -> None:
+    """Of straight lines through points that need not be equally far apart."""
+    assert mean_height([0, 1, 4], [2, 4, 1]) == pytest.approx((3 + 7.5) / 4)
+    assert mean_height([0.2, 0.4], [5, 5]) == 5
+
+
+@pytest.mark.parametrize(
+    ("heights", "place"),
+    [([1, -1, 3], 0.5), ([3, 1, -3], 1.25), ([-1, 2, 2], 0.0), ([1, 0, 1], NEVER), ([0, -1, 0], 0)],
+)
+def test_a_fall_is_where_a_line_goes_below(heights: list[float], place: float) -> None:
+    """By straight lines; touching is no fall."""
+    assert first_below([0, 1, 2], heights) == place
+
+
+def test_a_sweep_goes_from_the_command_line_to_the_figure(store: Store, tmp_path: Path) -> None:
+    """Played at every setting, shown, drawn, and written as numbers; FDC is exactly flat."""
+    copy = copied_store(store, tmp_path)
+    asked = ("--sweep", "loss:0..1:3", "--episodes", "8", "--workers", "1")
+    said = msgdrop("unstable-test", copy.results, *asked)
+    assert said.code == 0, said.err
+    for words in ("loss:0..1:3, pursuit-n6", "loss 0.5", "below FDC from"):
+        assert words in " ".join(said.out.split())
+    figure, numbers = (Path(line.split()[1]) for line in said.out.splitlines() if "wrote" in line)
+    assert figure.read_bytes().startswith(b"\x89PNG")
+    lines = list(csv.DictReader(io.StringIO(numbers.read_text())))
+    assert len(lines) == 4 * 3
+    flat = {line["seed"]: line["catches_per_500"] for line in lines if line["variant"] == "fdc"}
+    deaf = [line for line in lines if line["variant"] == "fdc"]
+    assert len(deaf) == 2 * 3
+    assert all(line["catches_per_500"] == flat[line["seed"]] for line in deaf)
+    again = msgdrop("unstable-test", copy.results, *asked, "--json")
+    assert "played anew" not in again.err
+    shown = json.loads(again.out)
+    assert [arm["settings"] for arm in shown["arms"]] == [[0, 0.5, 1]] * 2
+    falls = {arm["variant"]: arm["falls_by_seed"] for arm in shown["arms"]}
+    assert (set(falls["dcc"]), falls["fdc"]) == ({"1", "2"}, {})
+    played = {channel for record in list_runs(copy.results) for channel in record.episodes()}
+    assert Channel.read("loss:0.5") in played
+
+
+def test_a_sweep_and_a_channel_are_two_questions(store: Store) -> None:
+    """One of them is to be asked."""
+    said = msgdrop(
+        "unstable-test", store.results, "--sweep", "loss:0..1:3", "--channel", "loss:0.1"
+    )
+    assert said.code == 2
+    assert "--sweep and --channel: expected one of them" in said.err
