@@ -110,4 +110,20 @@ def test_a_sweep_and_a_channel_are_two_questions(store: Store) -> None:
         "unstable-test", store.results, "--sweep", "loss:0..1:3", "--channel", "loss:0.1"
     )
     assert said.code == 2
-    assert "--sweep and --channel: expected one of them" in said.err
+    assert "--sweep goes neither with --channel" in said.err
+
+
+def test_many_channels_are_a_map(store: Store, tmp_path: Path) -> None:
+    """Rows of the table, and one figure with a cell for each variant and channel."""
+    copy = copied_store(store, tmp_path)
+    channels = ("loss:0.2", "delay:1", "silent:1", "own")
+    asked = [word for each in channels for word in ("--channel", each)]
+    said = msgdrop("unstable-test", copy.results, *asked, "--episodes", "4", "--workers", "1")
+    assert said.code == 0, said.err
+    rows = [line.split() for line in said.out.splitlines() if line.strip()]
+    assert any(row[:2] == ["variant", "DCC"] and row[-1] == "(scripted)" for row in rows)
+    assert {"delay", "loss", "none", "own", "silent"} <= {row[0] for row in rows}
+    figures = [path.name for path in (copy.results / "figures" / "broken-links").iterdir()]
+    assert [name for name in figures if "broken-links" in name or "matrix" in name] == [
+        "pursuit-n6-quick-200-matrix.png"
+    ]

@@ -6,13 +6,18 @@ from typing import Annotated
 import typer
 
 from msgdrop_cli.commands.parts import options, words
-from msgdrop_cli.definition.channel import NONE_BROKEN
+from msgdrop_cli.definition.channel import NONE_BROKEN, Channel
 from msgdrop_cli.definition.load import load_definition
 from msgdrop_cli.definition.sweep import Sweep
 from msgdrop_cli.errors import DefinitionError
 
 app = typer.Typer()
 _QUESTION = "broken-links"
+_MATRIX = (
+    *("loss:0.2", "loss:0.5", "half", "all", "tmc-heavy", "bursts:0.5,10", "one-way:0.5"),
+    *("silent:1", "delay:1", "delay:5", "loss:0.5+hold:5", "constant", "shuffled", "own"),
+)
+"""What `--matrix` evaluates through: losses, broken links, bursts, lateness, and the controls."""
 
 
 @app.command(
@@ -29,6 +34,12 @@ def unstable_test(
             help="Every variant against one setting of a channel, e.g. loss:0..1:11.",
         ),
     ] = None,
+    matrix: Annotated[
+        bool,
+        typer.Option(
+            "--matrix", help="Every variant through many channels, as a map with numbers."
+        ),
+    ] = False,
     episodes: options.Episodes = 1_000,
     workers: options.Workers = 2,
     device: options.Device = "cpu",
@@ -42,10 +53,11 @@ def unstable_test(
     options.check_workers(workers)
     options.check_episodes(episodes)
     options.check_device_name(device)
-    if sweep is not None and channel:
-        raise DefinitionError("--sweep and --channel: expected one of them")
+    if sweep is not None and (channel or matrix):
+        raise DefinitionError("--sweep goes neither with --channel nor with --matrix")
     swept = None if sweep is None else Sweep.read(sweep, "--sweep")
     asked = [words.channel(each, "--channel") for each in channel or ()]
+    asked += map(Channel.read, _MATRIX if matrix else ())
     options.check_channels(swept.channels if swept else asked)
     if swept is not None:
         from msgdrop_cli.commands.parts.show_sweep import show_sweep  # after the quick checks

@@ -167,6 +167,10 @@ def _parts(text: str) -> list[str]:
     return re.split(r"\+(?=[a-z])", text)
 
 
+MANY = 5
+"""So many channels side by side are a map, not bars, and rows of a table, not columns."""
+
+
 def only_links(channels: Iterable[Channel]) -> bool:
     """Whether it is the paper's test: nothing but broken links."""
     return all(each.is_links for each in channels)

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from msgdrop_cli.analysis.summary import Group, Summary
-from msgdrop_cli.definition.channel import Channel, only_links, title_of
+from msgdrop_cli.definition.channel import MANY, Channel, only_links, title_of
 from msgdrop_cli.report.captions import footer, scale, spread_note
 from msgdrop_cli.report.lettering import LINE, width, wrapped
 from msgdrop_cli.report.looks import shown_arms
@@ -31,7 +31,7 @@ def draw_channels(summary: Summary, group: Group) -> "Figure | None":
     metric = summary.metrics(group.environment).headline
     shown = [each for each in shown_arms(summary, group) if each.arm.rows]
     channels = sorted({row.channel for each in shown for row in each.arm.rows})
-    if len(channels) < 2:
+    if not 2 <= len(channels) < MANY:
         return None
     rows = [row for each in shown for row in each.arm.rows]
     values = [value for row in rows if row.metric == metric.name for value in row.by_seed.values()]

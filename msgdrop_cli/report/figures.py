@@ -14,6 +14,7 @@ from msgdrop_cli.report.bars import draw_channels
 from msgdrop_cli.report.captions import footer, scale, spread_note
 from msgdrop_cli.report.looks import Look, Shown, shown_arms
 from msgdrop_cli.report.marks import end, label_ends, measure_axis
+from msgdrop_cli.report.matrix import draw_matrix
 from msgdrop_cli.report.rates import draw_dropout_rate
 from msgdrop_cli.report.reference_lines import reference_lines
 from msgdrop_cli.report.settings import own_settings
@@ -43,6 +44,7 @@ def draw_all(summary: Summary, folder: Folder) -> list[Path]:
         "learning": draw_learning,
         "dropout-rate": draw_dropout_rate,
         "broken-links": draw_channels,
+        "matrix": draw_matrix,
     }
     paths = []
     with own_settings():

@@ -11,7 +11,7 @@ from msgdrop_cli.analysis.claims import MINIMUM_SEEDS, Verdict
 from msgdrop_cli.analysis.metrics import NamedMetric
 from msgdrop_cli.analysis.statistics import Interval
 from msgdrop_cli.analysis.summary import Arm, Group, Row, Summary
-from msgdrop_cli.definition.channel import NONE_BROKEN, Channel, title_of
+from msgdrop_cli.definition.channel import MANY, NONE_BROKEN, Channel, title_of
 from msgdrop_cli.records.references import References
 
 NOTHING = "\u2013"
@@ -69,7 +69,10 @@ def results_table(summary: Summary, group: Group, channel: Channel = NONE_BROKEN
 
 
 def channels_table(summary: Summary, group: Group) -> Table:
-    """The headline of every arm of one group for each evaluated channel."""
+    """The headline of every arm of one group for each evaluated channel.
+
+    A row for each arm, or, for as many channels as make a map, a row for each channel.
+    """
     headline = summary.metrics(group.environment).headline
     arms = summary.arms_of(group)
     channels = sorted({row.channel for arm in arms for row in arm.rows})
@@ -83,13 +86,16 @@ def channels_table(summary: Summary, group: Group) -> Table:
     ]
     references = summary.references_of(group)
     rows += _reference_rows(references, [headline.name] * len(channels))
+    headers = ("variant", "seeds", *(each.short for each in channels))
+    if len(channels) >= MANY:
+        headers, *rows = zip(headers, *rows, strict=True)
     shown = [row for arm in arms for row in arm.rows]
     about = _about(summary, group)
     if first := _first(shown):
         about += f"; {first}{shown[0].episodes:,} evaluation episodes per seed"
     return Table(
         title=f"{title_of(channels)}, {group.environment} ({_scale(summary, group)})",
-        headers=("variant", "seeds", *(each.short for each in channels)),
+        headers=headers,
         rows=tuple(rows),
         caption=f"{headline.label} [95% interval]; {about}. {_headline_note(headline)}"
         + _references_note(references),
