@@ -1,5 +1,6 @@
 """Trained as, evaluated through: every variant and every channel as a map with numbers."""
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from msgdrop_cli.analysis.summary import Group, Row, Summary
@@ -56,15 +57,20 @@ def draw_matrix(summary: Summary, group: Group) -> "Figure | None":
             if row is not None:
                 worth = (row.mean - low) / (high - low) if high > low else 0.5
                 _cell(axes, column, rank, row, worth if metric.higher_is_better else 1.0 - worth)
-    axes.set_xlim(-0.5, len(channels) - 0.5)
-    axes.set_ylim(len(shown) - 0.5, -0.5)
-    axes.set_xticks(range(len(channels)), words, rotation=90, fontsize=_NAME)
-    axes.set_yticks(range(len(shown)), ["\n".join(name) for name in names], fontsize=_NAME)
+    _name_both(axes, words, names)
+    return figure
+
+
+def _name_both(axes: "Axes", columns: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
+    """Names of columns and rows, and nothing else around the cells."""
+    axes.set_xlim(-0.5, len(columns) - 0.5)
+    axes.set_ylim(len(rows) - 0.5, -0.5)
+    axes.set_xticks(range(len(columns)), columns, rotation=90, fontsize=_NAME)
+    axes.set_yticks(range(len(rows)), ["\n".join(row) for row in rows], fontsize=_NAME)
     axes.tick_params(length=0, labelcolor=INK)
     axes.grid(visible=False)
     for spine in axes.spines.values():
         spine.set_visible(False)
-    return figure
 
 
 def _cell(axes: "Axes", column: int, rank: int, row: Row, worth: float) -> None:
