@@ -20,6 +20,18 @@ _MATRIX = (
 """What `--matrix` evaluates through: losses, broken links, bursts, lateness, and the controls."""
 
 
+_Swept = Annotated[
+    str | None,
+    typer.Option(
+        metavar="KIND:LOW..HIGH:POINTS",
+        help="Every variant against one setting of a channel, e.g. loss:0..1:11.",
+    ),
+]
+_Matrix = Annotated[
+    bool, typer.Option("--matrix", help="Every variant through many channels, as a map.")
+]
+
+
 @app.command(
     "unstable-test",
     epilog=options.examples("unstable-test", "unstable-test --sweep loss:0..1:11 --episodes 200"),
@@ -27,19 +39,8 @@ _MATRIX = (
 def unstable_test(
     results: options.Folder = Path("results"),
     channel: options.Channels = None,
-    sweep: Annotated[
-        str | None,
-        typer.Option(
-            metavar="KIND:LOW..HIGH:POINTS",
-            help="Every variant against one setting of a channel, e.g. loss:0..1:11.",
-        ),
-    ] = None,
-    matrix: Annotated[
-        bool,
-        typer.Option(
-            "--matrix", help="Every variant through many channels, as a map with numbers."
-        ),
-    ] = False,
+    sweep: _Swept = None,
+    matrix: _Matrix = False,
     episodes: options.Episodes = 1_000,
     workers: options.Workers = 2,
     device: options.Device = "cpu",
