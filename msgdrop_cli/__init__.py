@@ -1,3 +1,26 @@
-"""msgdrop: train, break, compare and check message-dropout (Kim, Cho, Sung, AAAI-19)."""
+"""msgdrop: train, break, compare and check message-dropout (Kim, Cho, Sung, AAAI-19).
+
+What other programs may use stands here, and is loaded when it is asked for: the command line reads
+the version without waiting for torch.
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from msgdrop_cli.networks.message_dropout import MessageDropout as MessageDropout
+    from msgdrop_cli.networks.message_dropout import message_dropout as message_dropout
 
 __version__ = "0.1.0"
+_PUBLIC = {
+    "MessageDropout": "msgdrop_cli.networks.message_dropout",
+    "message_dropout": "msgdrop_cli.networks.message_dropout",
+}
+"""Names and the modules that they come from."""
+
+
+def __getattr__(name: str) -> Any:
+    """What a name of `_PUBLIC` stands for; AttributeError for any other."""
+    if name not in _PUBLIC:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(import_module(_PUBLIC[name]), name)

@@ -1,0 +1,122 @@
+"""`msgdrop_cli.MessageDropout`: the paper's rule as a module for other people's networks."""
+
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+import torch
+from torch import Tensor
+
+import msgdrop_cli
+from msgdrop_cli import MessageDropout, message_dropout
+
+DOCS = Path(__file__).resolve().parents[1] / "docs" / "message-dropout.md"
+
+
+def ones(*shape: int) -> Tensor:
+    """Blocks whose numbers show what became of them; the masks repeat."""
+    torch.manual_seed(1)
+    return torch.ones(*shape)
+
+
+def test_training_drops_whole_messages_and_scales_nothing() -> None:
+    """Every message is all there or all gone, at the rate, each sample's for itself."""
+    kept = MessageDropout(0.2)(ones(4_000, 1 + 3, 5))
+    assert bool((kept[:, 0] == 1).all())
+    messages = kept[:, 1:]
+    assert set(messages.unique().tolist()) == {0.0, 1.0}
+    assert bool((messages == messages[..., :1]).all())
+    assert messages.mean((0, 2)).tolist() == pytest.approx([0.8] * 3, abs=0.02)
+
+
+def test_evaluation_scales_messages_and_drops_nothing() -> None:
+    """By 1 - rate; the own observation stays as it is."""
+    scaled = MessageDropout(0.2).eval()(ones(7, 1 + 3, 5))
+    assert bool((scaled[:, 0] == 1).all())
+    assert bool((scaled[:, 1:] == 0.8).all())
+
+
+def test_elements_are_dropped_one_by_one() -> None:
+    """With kind "element"; the own observation is kept then, too."""
+    kept = MessageDropout(0.5, "element")(ones(500, 1 + 3, 5))
+    assert bool((kept[:, 0] == 1).all())
+    assert set(kept[:, 1:].sum(-1).unique().tolist()) == {0.0, 1.0, 2.0, 3.0, 4.0, 5.0}
+
+
+def test_the_own_observation_may_be_dropped_too() -> None:
+    """With keeps_own=False it is one block more, in training and in evaluation."""
+    drop = MessageDropout(0.5, keeps_own=False)
+    assert 0.4 < float(drop(ones(2_000, 1 + 3, 5))[:, 0].mean()) < 0.6
+    assert bool((drop.eval()(ones(2, 1 + 3, 5)) == 0.5).all())
+
+
+@pytest.mark.parametrize("keeps_own", [True, False])
+def test_separate_blocks_may_have_different_sizes(keeps_own: bool) -> None:
+    """They are treated as the joint ones would be, drawn from the same numbers."""
+    drop = MessageDropout(0.5, keeps_own=keeps_own)
+    joint = drop(ones(50, 1 + 3, 5))
+    messages = ones(50, 3, 5)
+    own, heard = drop(torch.ones(50, 9), messages)
+    assert torch.equal(heard, joint[:, 1:])
+    assert torch.equal(own, joint[:, 0, :1].expand(50, 9))
+
+
+def test_one_mask_serves_two_calls() -> None:
+    """As for m and m' in the paper's loss; evaluation takes none."""
+    drop = MessageDropout(0.5)
+    blocks = ones(50, 1 + 3, 5)
+    keep = drop.mask(*blocks.shape)
+    assert torch.equal(drop(blocks, keep=keep), drop(blocks, keep=keep))
+    assert torch.equal(drop(blocks, keep=keep)[..., :1], keep)
+    assert bool((drop.eval()(blocks, keep=keep)[:, 1:] == 0.5).all())
+
+
+def test_rate_nothing_and_rate_everything() -> None:
+    """Rate 0 is simple DCC, rate 1 is FDC (l. 263)."""
+    blocks = ones(50, 1 + 3, 5)
+    for training in (True, False):
+        assert torch.equal(message_dropout(blocks, 0.0, training=training), blocks)
+        assert float(message_dropout(blocks, 1.0, training=training).sum()) == 50 * 5
+
+
+def test_the_function_is_the_module() -> None:
+    """From the same numbers it gives the same."""
+    module = MessageDropout(0.3, "element")(ones(20, 4, 5))
+    assert torch.equal(message_dropout(ones(20, 4, 5), 0.3, kind="element"), module)
+
+
+def test_types_and_gradients_pass() -> None:
+    """Half precision stays that, and what was dropped has no gradient."""
+    blocks = ones(20, 4, 5).half().requires_grad_()
+    kept = MessageDropout(0.5)(blocks)
+    assert kept.dtype == torch.float16
+    kept.sum().backward()
+    assert torch.equal(blocks.grad, kept.detach())  # type: ignore[arg-type]
+
+
+def test_what_cannot_be_is_refused() -> None:
+    """A rate that is no probability, and a kind that is none."""
+    with pytest.raises(ValueError, match=r"rate must be between 0 and 1, not 1\.2"):
+        MessageDropout(1.2)
+    with pytest.raises(ValueError, match="kind must be one of message, element, not 'block'"):
+        message_dropout(torch.ones(2, 3), 0.2, kind="block")  # type: ignore[arg-type]
+
+
+def test_the_page_says_what_runs() -> None:
+    """Its blocks of code, one after the other; the actor's messages are scaled in the end."""
+    names: dict[str, object] = {}
+    for code in re.findall(r"```python\n(.*?)```", DOCS.read_text(), re.DOTALL):
+        exec(code, names)
+    assert isinstance(names["best"], Tensor)
+    assert names["best"].shape == (32,)
+
+
+def test_the_package_itself_stays_cold() -> None:
+    """Its version is read without torch; what it does not have is an AttributeError."""
+    code = "import sys, msgdrop_cli; msgdrop_cli.__version__; print('torch' in sys.modules)"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout == "False\n"
+    with pytest.raises(AttributeError, match="has no attribute 'Dropout'"):
+        getattr(msgdrop_cli, "Dropout")  # noqa: B009 - mypy knows that it is not there
