@@ -5,18 +5,16 @@ the version without waiting for torch.
 """
 
 from importlib import import_module
-from typing import TYPE_CHECKING, Any
-
-if TYPE_CHECKING:
-    from msgdrop_cli.networks.message_dropout import MessageDropout as MessageDropout
-    from msgdrop_cli.networks.message_dropout import message_dropout as message_dropout
+from typing import Any
 
 __version__ = "0.1.0"
 _PUBLIC = {
+    "Policy": "msgdrop_cli.engine.policy",
+    "load_policy": "msgdrop_cli.engine.policy",
     "MessageDropout": "msgdrop_cli.networks.message_dropout",
     "message_dropout": "msgdrop_cli.networks.message_dropout",
 }
-"""Names and the modules that they come from."""
+"""Names and the modules that they come from; for type checkers they stand in `__init__.pyi`."""
 
 
 def __getattr__(name: str) -> Any:

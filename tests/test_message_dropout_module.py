@@ -120,3 +120,9 @@ def test_the_package_itself_stays_cold() -> None:
     assert done.stdout == "False\n"
     with pytest.raises(AttributeError, match="has no attribute 'Dropout'"):
         getattr(msgdrop_cli, "Dropout")  # noqa: B009 - mypy knows that it is not there
+
+
+def test_type_checkers_know_every_public_name() -> None:
+    """What is loaded late stands in the stub as well."""
+    stub = Path(msgdrop_cli.__file__).with_suffix(".pyi").read_text()
+    assert set(re.findall(r"import (\w+) as", stub)) == set(vars(msgdrop_cli)["_PUBLIC"])

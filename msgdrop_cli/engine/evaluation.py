@@ -12,22 +12,19 @@ from typing import Any
 
 from torch import Tensor
 
-from msgdrop_cli.algorithms.discovery import learner_class
 from msgdrop_cli.channels import kind_of
 from msgdrop_cli.definition.channel import NONE_BROKEN, Channel
-from msgdrop_cli.definition.run_id import spec_from_dict
-from msgdrop_cli.definition.spec import MOST_LOG_ROWS, RunSpec
+from msgdrop_cli.definition.spec import MOST_LOG_ROWS
 from msgdrop_cli.engine import arithmetic
 from msgdrop_cli.engine.delivery import Delivery
-from msgdrop_cli.engine.offers import catalogue
 from msgdrop_cli.engine.playing import play_episodes
+from msgdrop_cli.engine.policy import read_trained
 from msgdrop_cli.engine.randomness import Streams
-from msgdrop_cli.engine.tensors import check_finite, copy_into, read_tensors
 from msgdrop_cli.engine.worst_links import worst_links
-from msgdrop_cli.errors import DefinitionError, RecordError
-from msgdrop_cli.records.files import read_json, run_lock, write_jsonl_atomic
-from msgdrop_cli.records.store import EPISODES, POLICY, RUN, list_runs
-from msgdrop_envs import autoreset, registry
+from msgdrop_cli.errors import RecordError
+from msgdrop_cli.records.files import run_lock, write_jsonl_atomic
+from msgdrop_cli.records.store import EPISODES, list_runs
+from msgdrop_envs import autoreset
 from msgdrop_envs.protocol import Environment
 
 
@@ -48,13 +45,7 @@ def evaluate(
     Raises RecordError if the policy cannot be read or does not fit, DefinitionError for a channel
     that does not exist.
     """
-    spec = _spec_of(run_path)
-    env = registry.make(spec.environment_config, device)
-    learner = learner_class(spec.algorithm)([spec.algorithm_config], env, device)
-    file = run_path / POLICY
-    weights = read_tensors(file)
-    copy_into(learner.policy(0), weights, file)
-    check_finite(weights, file)
+    spec, env, learner = read_trained(run_path, device)
     streams = Streams([spec.seed], device)
     found = kind_of(channel).links_to_find
     lost = worst_links(learner.act_greedily, env, spec.seed, found, device) if found else None
@@ -108,14 +99,6 @@ def evaluate_run(
             each.sort(key=lambda row: row["episode"])
         write_jsonl_atomic(run_path / EPISODES, chain(*(played[each] for each in sorted(played))))
         return len(rows)
-
-
-def _spec_of(run_path: Path) -> RunSpec:
-    run = read_json(run_path / RUN)
-    try:
-        return spec_from_dict(run["spec"], catalogue(), f"{run_path / 'run.json'}: spec")
-    except DefinitionError as error:
-        raise RecordError(str(error)) from error
 
 
 def _row(env: Environment, channel: Channel, episode: int, values: list[float]) -> dict[str, Any]:

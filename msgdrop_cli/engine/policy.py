@@ -1,0 +1,125 @@
+"""A trained policy, apart from any training: numpy in, numpy out.
+
+policy = msgdrop_cli.load_policy("results/runs/pursuit-n6/dcc-md-s1-0a902d7b")
+actions = policy.act(observations)
+"""
+
+from collections.abc import Mapping
+from os import PathLike
+from pathlib import Path
+from typing import Any, NamedTuple, TypeVar
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from msgdrop_cli.algorithms.discovery import learner_class
+from msgdrop_cli.algorithms.learner import Learner
+from msgdrop_cli.definition.run_id import spec_from_dict
+from msgdrop_cli.definition.spec import RunSpec
+from msgdrop_cli.engine.offers import catalogue
+from msgdrop_cli.engine.tensors import check_finite, copy_into, read_tensors
+from msgdrop_cli.errors import DefinitionError, RecordError
+from msgdrop_cli.messages.received import Received
+from msgdrop_cli.records.store import POLICY, RUN, list_runs
+from msgdrop_envs import registry
+from msgdrop_envs.protocol import Environment
+
+_Array = np.ndarray[Any, Any]
+ObservationsT = TypeVar("ObservationsT", bound=Mapping[str, Any] | _Array)
+
+
+class Trained(NamedTuple):
+    """What a run's folder holds of a trained policy."""
+
+    spec: RunSpec
+    env: Environment
+    learner: Learner
+    """With the run's weights; `act_greedily` is the policy."""
+
+
+def read_trained(run_path: Path, device: str = "cpu") -> Trained:
+    """Read the policy of a finished run; RecordError if it cannot be read or does not fit."""
+    record = list_runs(run_path)[0]
+    try:
+        spec = spec_from_dict(record.spec, catalogue(), f"{run_path / RUN}: spec")
+        env = registry.make(spec.environment_config, device)
+        learner = learner_class(spec.algorithm)([spec.algorithm_config], env, device)
+    except DefinitionError as error:
+        raise RecordError(str(error)) from error
+    file = run_path / POLICY
+    weights = read_tensors(file)
+    copy_into(learner.policy(0), weights, file)
+    check_finite(weights, file)
+    return Trained(spec, env, learner)
+
+
+class Policy:
+    """The trained agents of one run; they act greedily, as in `msgdrop eval`."""
+
+    def __init__(self, trained: Trained) -> None:
+        self.environment = trained.spec.environment
+        """The name of the setting that it was trained in, e.g. `pursuit-n6`."""
+        self._env, self._learner = trained.env, trained.learner
+        view = registry.view(trained.spec.environment_config)
+        self.agents = view.agent_names if view else None
+        """Their names in the order of the networks; None for a game that names nobody."""
+
+    def act(self, observations: ObservationsT, keep: Any = None) -> ObservationsT:
+        """The actions of all agents; what is given by name is answered by name.
+
+        observations: [..., N, O] for any number of games, or the dictionary of a PettingZoo
+        environment, agent to [O]. keep: which messages arrive, [..., N, S] of 0 and 1 (sender k of
+        agent i is agent k, or k + 1 from i on); None: all.
+        Returns int64 [..., N], or float32 [..., N, A] in [-1, 1]. Raises ValueError for other
+        shapes, agents, or numbers that this game does not show.
+        """
+        if isinstance(observations, Mapping):
+            names = self._names(observations)
+            rows = self._actions(np.stack([observations[name] for name in names]), keep)
+            return dict(zip(names, rows, strict=True))  # type: ignore[return-value]
+        return self._actions(observations, keep)  # type: ignore[return-value]
+
+    def _names(self, observations: Mapping[str, Any]) -> tuple[str, ...]:
+        names = self.agents or tuple(observations)
+        if set(names) != set(observations):
+            raise ValueError(f"observations are needed of {list(names)}, not {list(observations)}")
+        return names
+
+    def _actions(self, observations: Any, keep: Any) -> _Array:
+        env = self._env
+        obs = self._games(observations, "observations", env.observation_size)
+        shown = obs.to(env.observation_dtype)
+        if not torch.equal(shown.to(obs.dtype), obs):
+            raise ValueError(f"observations of {self.environment} are {env.observation_dtype}")
+        arrives = None if keep is None else self._games(keep, "keep", env.agents - 1).float()
+        if arrives is not None and len(arrives[0]) != len(obs[0]):
+            raise ValueError("keep must have the leading dimensions of observations")
+        with torch.inference_mode():
+            received = None if arrives is None else Received(arrives)
+            actions = self._learner.act_greedily(shown, received)[0]  # [E, N] or [E, N, A]
+        found: _Array = actions.cpu().numpy()
+        return found.reshape(*np.shape(observations)[:-2], *found.shape[1:])
+
+    def _games(self, given: Any, name: str, width: int) -> Tensor:
+        """One row of games, [1, E, N, width]; given: [..., N, width]."""
+        numbers = np.asarray(given)
+        if numbers.shape[-2:] != (self._env.agents, width):
+            expected = f"[..., {self._env.agents}, {width}]"
+            raise ValueError(f"{name} must be {expected}, not {list(numbers.shape)}")
+        return torch.as_tensor(numbers.reshape(1, -1, *numbers.shape[-2:]))
+
+
+def load_policy(run_dir: str | PathLike[str]) -> Policy:
+    """Load the policy of a finished run from its folder, e.g. one of those below results/published.
+
+    Raises RecordError, in one line, for a folder that is none, or whose policy is missing or
+    damaged.
+    """
+    path = Path(run_dir)
+    if not (path / RUN).is_file():
+        raise RecordError(f"{path}: is no run's folder: there is no {RUN} in it")
+    [record] = list_runs(path)
+    if not (path / POLICY).is_file():
+        raise RecordError(f"{path}: has no {POLICY}: the run is {record.status}")
+    return Policy(read_trained(path))
