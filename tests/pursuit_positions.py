@@ -56,6 +56,7 @@ def slow_game(config: Config, pursuers: list[Cell], evaders: list[Cell | None]) 
         edge_penalty=config.edge_penalty,
         capture_reward_once=config.capture_reward_once,
         may_enter_evaders=config.may_enter_evaders,
+        may_share_cells=config.may_share_cells,
         pursuers=list(pursuers),
         evaders=list(evaders),
     )

@@ -44,6 +44,7 @@ class SlowPursuit:
     edge_penalty: float
     capture_reward_once: bool
     may_enter_evaders: bool
+    may_share_cells: bool
     pursuers: list[Cell]
     evaders: list[Cell | None]
 
@@ -54,9 +55,10 @@ class SlowPursuit:
     def start(self, pursuers: int, evaders: int, uniforms: list[float]) -> None:
         """Begin anew: evaders in the centre, each pursuer on the cell its uniform number picks."""
         self.pursuers = []
+        board = [(row, column) for row in range(self.size) for column in range(self.size)]
         for pursuer in range(pursuers):
-            number = int(uniforms[pursuer] * self.size * self.size)
-            self.pursuers.append((number // self.size, number % self.size))
+            free = [c for c in board if self.may_share_cells or c not in self.pursuers]
+            self.pursuers.append(free[int(uniforms[pursuer] * len(free))])
         middle = (self.size - 1) // 2
         self.evaders = [(middle, middle) for _ in range(evaders)]
 
@@ -78,6 +80,8 @@ class SlowPursuit:
                 pass
             elif not self.may_enter_evaders and goal in self.evaders:
                 pass  # the evader, still where it was before this step, is in the way
+            elif not self.may_share_cells and goal in self.pursuers:
+                pass  # another pursuer is there: one that has moved, or one that has yet to
             else:
                 self.pursuers[number] = goal
 

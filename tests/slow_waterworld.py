@@ -201,15 +201,16 @@ class SlowWaterworld:
                 self.poison[i] = self.new_poison(quads[foods + i])
 
     def _drift(self, thing: Disc) -> None:
-        """Food and poison are turned back at walls."""
+        """Food and poison are turned back at walls, or stop there."""
+        factor = -1 if self.config.object_walls == "turn" else 0
         places, velocities = [], []
         for place, velocity in zip(thing.place, thing.velocity, strict=True):
             goal = place + velocity
             self.margin = min(self.margin, abs(goal), abs(goal - 1)) if velocity else self.margin
             if goal < 0:
-                goal, velocity = 0.0, -velocity
+                goal, velocity = 0.0, factor * velocity
             elif goal > 1:
-                goal, velocity = 1.0, -velocity
+                goal, velocity = 1.0, factor * velocity
             places.append(goal)
             velocities.append(velocity)
         thing.place, thing.velocity = (places[0], places[1]), (velocities[0], velocities[1])

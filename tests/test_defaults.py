@@ -17,8 +17,8 @@ LEARNER: dict[str, Any] = {
     "rate": 0.2,  # l. 420: the best rate is around [0.2, 0.3]; ours: the lower end
     "dropout": "message",  # l. 173: blockwise
     "drops_own": False,  # l. 173: not applied to the own observation
-    "network": "fgh",
-    "topology": "all",  # l. 149  # l. 404
+    "network": "fgh",  # l. 404
+    "topology": "all",  # l. 149
     "f_units": (64, 48),  # l. 745
     "g_units": 96,  # l. 746
     "h_units": 32,  # l. 748
@@ -61,6 +61,7 @@ GAME = {
     "edge_penalty": 0.5,  # l. 373
     "capture_reward_once": False,  # l. 367 names no limit; ours: paid for each evader
     "may_enter_evaders": True,  # ours; l. 365 blocks evaders only
+    "may_share_cells": True,  # ours; nothing is said of pursuers that meet
 }
 
 

@@ -26,18 +26,27 @@ def crowd(config: Config, rng: random.Random) -> tuple[list[Cell], list[Cell | N
     evaders: list[Cell | None] = [near(1) for _ in range(config.evaders)]
     if rng.random() < 0.1:
         evaders[rng.randrange(config.evaders)] = None
-    return [near(rng.choice((1, 2, 4, last))) for _ in range(config.pursuers)], evaders
+    pursuers: list[Cell] = []
+    while len(pursuers) < config.pursuers:
+        cell = near(rng.choice((1, 2, 4, last)))
+        if config.may_share_cells or cell not in pursuers:
+            pursuers.append(cell)
+    return pursuers, evaders
 
 
-VARIANTS = [
-    PAPER["pursuit-n6"],
-    PAPER["pursuit-n8"],
-    Config(capture_reward_once=True, may_enter_evaders=False, evaders=3),
-    Config(pursuers=5, evaders=3, map_size=4, sight=2, may_enter_evaders=False),
-]
+VARIANTS = {
+    "n6": PAPER["pursuit-n6"],
+    "n8": PAPER["pursuit-n8"],
+    "options": Config(capture_reward_once=True, may_enter_evaders=False, evaders=3),
+    "small": Config(pursuers=5, evaders=3, map_size=4, sight=2, may_enter_evaders=False),
+    "apart": Config(may_share_cells=False),
+    "crowded and apart": Config(
+        pursuers=7, map_size=5, may_share_cells=False, may_enter_evaders=False
+    ),
+}
 
 
-@pytest.mark.parametrize("config", VARIANTS, ids=["n6", "n8", "options", "small"])
+@pytest.mark.parametrize("config", VARIANTS.values(), ids=VARIANTS)
 def test_batched_game_equals_slow_game(config: Config) -> None:
     """Over 22,528 steps of each size: equal state, observation, reward, discount and counts."""
     paper = config in PAPER.values()
@@ -71,9 +80,10 @@ def test_batched_game_equals_slow_game(config: Config) -> None:
     assert catches > 50, "the positions no longer lead to captures: this test compares too little"
 
 
-@pytest.mark.parametrize("config", VARIANTS[:2], ids=["n6", "n8"])
-def test_batched_reset_equals_slow_reset(config: Config) -> None:
+@pytest.mark.parametrize("name", ["n6", "n8", "apart", "crowded and apart"])
+def test_batched_reset_equals_slow_reset(name: str) -> None:
     """Equal starting positions and first observations from equal uniform numbers."""
+    config = VARIANTS[name]
     generator = torch.Generator().manual_seed(3)
     uniforms = torch.randint(4096, (500, config.pursuers), generator=generator) / 4096
     env = Pursuit(config, torch.device("cpu"))

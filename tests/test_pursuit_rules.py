@@ -152,6 +152,37 @@ def test_pursuer_may_enter_an_evader_or_not() -> None:
     assert transition.reward.tolist() == pytest.approx([-0.05])
 
 
+def test_pursuers_may_share_a_cell_or_not() -> None:
+    """A pursuer's cell is open by default; with the option the second to come stays, unfined."""
+    meeting: list[Cell] = [(5, 4), (5, 6)]
+    shared, _ = play(meeting, [(9, 9)], [EAST, WEST])
+    assert shared.pursuers.tolist() == [[5, 5], [5, 5]]
+    apart, transition = play(meeting, [(9, 9)], [EAST, WEST], may_share_cells=False)
+    assert apart.pursuers.tolist() == [[5, 5], [5, 6]]
+    assert transition.reward.tolist() == pytest.approx([-0.05] * 2)
+
+
+def test_pursuers_that_share_no_cell_move_in_the_order_of_their_numbers() -> None:
+    """A row follows its head if that moves first; two never pass through each other."""
+    row: list[Cell] = [(5, 5), (5, 4), (5, 3)]
+    followed, _ = play(row, [(9, 9)], [EAST] * 3, may_share_cells=False)
+    assert followed.pursuers.tolist() == [[5, 6], [5, 5], [5, 4]]
+    stuck, _ = play(row[::-1], [(9, 9)], [EAST] * 3, may_share_cells=False)
+    assert stuck.pursuers.tolist() == [[5, 3], [5, 4], [5, 6]]
+    swapped, _ = play(row[:2], [(9, 9)], [WEST, EAST], may_share_cells=False)
+    assert swapped.pursuers.tolist() == [[5, 5], [5, 4]]
+
+
+def test_pursuers_that_share_no_cell_start_apart_and_anywhere() -> None:
+    """No two of 9 on 9 cells meet, and each takes every cell equally often."""
+    env = Pursuit(Config(pursuers=9, map_size=3, may_share_cells=False), torch.device("cpu"))
+    uniforms = torch.rand(9_000, 9, generator=torch.Generator().manual_seed(6))
+    cells = env.reset(uniforms).pursuers @ torch.tensor([3, 1])
+    assert torch.equal(cells.sort(-1).values, torch.arange(9).expand(9_000, 9))
+    counts = torch.stack([cells[:, pursuer].bincount(minlength=9) for pursuer in range(9)])
+    assert counts.sub(1_000).abs().max() < 150  # five standard deviations
+
+
 def test_captured_evader_is_in_nobodys_way() -> None:
     """Where an evader was captured, a pursuer may walk and sees nothing."""
     state = position([(5, 4)], [None, (9, 9)])

@@ -7,6 +7,7 @@ import pytest
 
 from msgdrop_envs.parallel import parallel_env
 from msgdrop_envs.pursuit.rules import Config
+from msgdrop_envs.pursuit.view import PursuitView
 
 RING = [[4, 5], [5, 6], [5, 4], [6, 5], [0, 0], [14, 14]]
 """Six pursuers: four of them around (5, 5)."""
@@ -131,3 +132,12 @@ def test_wrong_state_is_refused(name: str) -> None:
     with pytest.raises(ValueError, match=message):
         game.reset(options={"state": state})
     assert game.state_dict() == before
+
+
+def test_a_shared_cell_is_refused_where_none_may_be() -> None:
+    """By default pursuers may be stacked; where they may not, no game starts so."""
+    stacked = {"pursuers": [[4, 5], [4, 5]], "evaders": [[1, 1]]}
+    PursuitView(Config(pursuers=2, evaders=1)).state_from_dict(stacked)
+    view = PursuitView(Config(pursuers=2, evaders=1, may_share_cells=False))
+    with pytest.raises(ValueError, match="two pursuers stand in one cell"):
+        view.state_from_dict(stacked)

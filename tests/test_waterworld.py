@@ -42,6 +42,7 @@ VARIANTS = {
         food_bounce="full",
         sensors_scaled=False,
     ),
+    "stopping walls": Config(food=4, object_walls="stop", food_speed=0.1, poison_speed=0.1),
 }
 
 

@@ -123,6 +123,18 @@ def test_walls_stop_pursuers_and_turn_the_rest_axis_by_axis() -> None:
     assert state.velocities.tolist() == [pytest.approx(velocity) for velocity in turned]
 
 
+def test_walls_stop_objects_if_asked() -> None:
+    """They stay at the wall from then on, and glide along it."""
+    away: Vector = (0.02, 0.03)
+    discs = [((0.2, 0.2), (0.0, 0.0)), ((0.99, 0.3), away), ((0.5, 0.98), away)]
+    config = params(object_walls="stop")
+    state, _ = play(config, discs)
+    state, _ = build(config).step(state, torch.zeros(1, 2), torch.zeros(8))
+    expected = [[1.0, 0.36], [0.54, 1.0]]
+    assert state.positions[1:].tolist() == [pytest.approx(place) for place in expected]
+    assert state.velocities[1:].tolist() == [pytest.approx([0.0, 0.03]), pytest.approx([0.02, 0.0])]
+
+
 @pytest.mark.parametrize(("bounce", "factor"), [("half", -0.5), ("full", -1.0)])
 def test_obstacle_turns_velocities_and_moves_nobody(bounce: Any, factor: float) -> None:
     """Pursuers and food keep half of their velocity, poison all; contact is radius + 0.2."""
@@ -139,6 +151,23 @@ def test_obstacle_turns_velocities_and_moves_nobody(bounce: Any, factor: float) 
         given[place] = ((disc[0][0] - 0.002, 0.5), slow)  # ends just outside
         state, _ = play(config, given)
         assert state.velocities[place].tolist() == pytest.approx([0.01, 0.0])
+
+
+@pytest.mark.parametrize(("walls", "least", "most"), [("turn", 0.5, 1.5), ("stop", 9.0, 14.0)])
+def test_how_many_objects_are_at_a_wall(walls: Any, least: float, most: float) -> None:
+    """Of 20, in the middle of an episode of random play: about 1 turning back, about 11 stopping.
+
+    Figure 2c shows 4 (PAPER.md). At a wall: the centre is within 0.01 of it.
+    """
+    env = build(dataclasses.replace(PAPER["waterworld-n8"], object_walls=walls))
+    generator = torch.Generator().manual_seed(3)
+    state = env.reset(torch.rand(50, env.reset_uniforms, generator=generator))
+    for _ in range(250):
+        actions = torch.rand(50, 8, 2, generator=generator) * 2 - 1
+        uniforms = torch.rand(50, env.step_uniforms, generator=generator)
+        state, _ = env.step(state, actions, uniforms)
+    away = torch.minimum(state.positions[:, 8:], 1 - state.positions[:, 8:]).amin(-1)
+    assert least < (away <= 0.01).sum(-1).float().mean().item() < most
 
 
 def test_nothing_is_ever_lost() -> None:

@@ -2,20 +2,22 @@
 
 The rules of one step, in order:
 1. Every pursuer moves North, East, West, South or stays. A move off the map costs `edge_penalty`
-   and the pursuer stays. Pursuers may share a cell, and may stand on an evader.
+   and the pursuer stays. Pursuers may share a cell, and may stand on an evader. Those that may not
+   share one move in the order of their numbers, and stay if another stands where they want to go.
 2. Every evader draws one of the same five moves; it stays if a pursuer's new cell or the edge of
    the map is in the way. Evaders may share a cell.
 3. An evader whose four sides are all taken by pursuers or the edge is removed. Every pursuer on
    one of its sides receives `capture_reward`.
 4. Every pursuer pays `step_penalty`. The game ends when no evader is left.
 
-All evaders start at the centre, every pursuer on a cell of its own draw. A pursuer sees a window
+All evaders start at the centre, every pursuer on a cell of its own draw, one that is free if cells
+are not shared. A pursuer sees a window
 of (2D+1) x (2D+1) cells around itself in three channels: how many *other* pursuers, how many
 evaders, and 1 where the map has ended.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import torch
 from torch import Tensor
@@ -50,6 +52,8 @@ class Config:
     """Pay R+ once a step even for two captured evaders, as MADRL does (ours: for each)."""
     may_enter_evaders: bool = True
     """Pursuers may step onto an evader's cell, as in MADRL (the paper does not say)."""
+    may_share_cells: bool = field(default=True, metadata={"later": True})
+    """Several pursuers may stand in one cell, as in MADRL (the paper does not say)."""
 
     def __post_init__(self) -> None:
         for name in ("pursuers", "evaders", "sight", "time_limit"):
@@ -59,6 +63,8 @@ class Config:
             raise ValueError("pursuers and evaders must be at most 255")
         if self.map_size < 3:
             raise ValueError(f"map_size must be at least 3, not {self.map_size}")
+        if not self.may_share_cells and self.pursuers > self.map_size**2:
+            raise ValueError(f"{self.pursuers} pursuers need more cells or may_share_cells")
 
 
 PAPER = {
@@ -119,7 +125,7 @@ class Pursuit:
     def reset(self, uniforms: Tensor) -> State:
         """Start games (paper l. 365-366). uniforms: [..., N], one cell for each pursuer."""
         size = self.config.map_size
-        cells = (uniforms * size**2).long()
+        cells = self._start_cells(uniforms)
         pursuers = torch.stack((cells // size, cells % size), -1)
         batch = uniforms.shape[:-1]
         evaders = torch.full((*batch, self.config.evaders, 2), size // 2, device=uniforms.device)
@@ -174,7 +180,33 @@ class Pursuit:
             meets = (moved[..., :, None, :] == state.evaders[..., None, :, :]).all(-1)
             blocked = (meets & state.free[..., None, :]).any(-1)
             moved = torch.where(blocked[..., None], state.pursuers, moved)
+        if not self.config.may_share_cells:
+            moved = self._one_by_one(state.pursuers, moved)
         return moved, hits_edge
+
+    def _start_cells(self, uniforms: Tensor) -> Tensor:
+        """The number of each pursuer's first cell [..., N]; where none is shared, of a free one."""
+        count = self.config.map_size**2
+        if self.config.may_share_cells:
+            return (uniforms * count).long()
+        drawn = uniforms[..., :0].long()
+        for number in range(self.agents):
+            cell = (uniforms[..., number] * (count - number)).long()  # among those that are free
+            for taken in drawn.sort(-1).values.unbind(-1):
+                cell = cell + (cell >= taken)
+            drawn = torch.cat((drawn, cell[..., None]), -1)
+        return drawn
+
+    def _one_by_one(self, pursuers: Tensor, goals: Tensor) -> Tensor:
+        """Move in the order of numbers; who would meet another stays. [..., N, 2] each."""
+        cells = pursuers.clone()
+        for number in range(self.agents):
+            goal = goals[..., number, :]
+            meets = (cells == goal[..., None, :]).all(-1)  # [..., N]
+            meets[..., number] = False
+            stays = meets.any(-1, keepdim=True)
+            cells[..., number, :] = torch.where(stays, cells[..., number, :], goal)
+        return cells
 
     def _move_evaders(self, state: State, pursuers: Tensor, uniforms: Tensor) -> Tensor:
         choice = (uniforms * len(MOVES)).long()

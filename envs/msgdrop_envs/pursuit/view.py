@@ -41,7 +41,8 @@ class PursuitView:
     def state_from_dict(self, given: Any) -> State:
         """Read `{"pursuers": [[row, col], ...], "evaders": [[row, col] or null, ...]}`.
 
-        Raises: ValueError for any other shape, a cell off the map, or no evader left.
+        Raises: ValueError for any other shape, a cell off the map or shared where none may be, or
+        no evader left.
         """
         if not isinstance(given, Mapping) or set(given) != {"pursuers", "evaders"}:
             raise ValueError(f"state must hold exactly 'pursuers' and 'evaders', not {given!r}")
@@ -50,6 +51,8 @@ class PursuitView:
         free = [cell is not None for cell in evaders]
         if not all(cell is not None for cell in pursuers):
             raise ValueError("state: a pursuer's position cannot be null")
+        if not self.config.may_share_cells and len(set(pursuers)) < len(pursuers):
+            raise ValueError("state: two pursuers stand in one cell, and none may be shared")
         if not any(free):
             raise ValueError("state: at least one evader must have a position")
         centre = self.config.map_size // 2

@@ -1,6 +1,6 @@
 """The settings of waterworld, which its rules (`rules.py`) and its sensors both read."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal
 
 
@@ -63,6 +63,8 @@ class Config:
     """The same for poison (MADRL)."""
     food_bounce: Literal["half", "full"] = "half"
     """At the obstacle food's velocity v becomes -v / 2 (MADRL; it may stay at the rim) or -v."""
+    object_walls: Literal["turn", "stop"] = field(default="turn", metadata={"later": True})
+    """At a wall food and poison turn back, or stop as pursuers do (PAPER.md; MADRL loses them)."""
 
     def __post_init__(self) -> None:
         for name in ("pursuers", "catchers", "food", "sensors", "time_limit"):

@@ -4,7 +4,8 @@ A state is what the agents see: the food that was just caught and the poison tha
 still in it. The rules of one step, in order (MADRL's, which the paper extends):
 1. Food that at least `catchers` pursuers touch, and poison that any pursuer touches, is replaced:
    at a random place outside the obstacle, with a random velocity.
-2. Food and poison move by their velocity. At a wall they are turned back, each axis by itself.
+2. Food and poison move by their velocity. At a wall they are turned back, each axis by itself, or
+   stop there (`object_walls`).
 3. Every pursuer adds `acceleration` x action to its velocity and moves by it. At a wall it stops,
    each axis by itself. There is no friction and no speed limit.
 4. Whoever is in contact with the obstacle in the middle has its velocity turned; nobody is moved.
@@ -87,7 +88,8 @@ class Waterworld:
         self._berth = table(*map(config.berth, radii))
         self._rim = table(*((config.obstacle_radius + r) ** 2 for r in radii))  # squared
         self._speed = table(0.0, config.food_speed, config.poison_speed)[self.agents :]
-        self._wall = table(0.0, -1.0, -1.0)
+        wall = -1.0 if config.object_walls == "turn" else 0.0
+        self._wall = table(0.0, wall, wall)
         self._bounce = table(-0.5, -0.5 if config.food_bounce == "half" else -1.0, -1.0)
 
     def reset(self, uniforms: Tensor) -> State:
