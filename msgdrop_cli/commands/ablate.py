@@ -7,14 +7,17 @@ import typer
 
 from msgdrop_cli.commands.parts import console, options, settings
 from msgdrop_cli.definition.load import list_definitions, load_definition
+from msgdrop_cli.definition.readings import all_readings, readings_of
 
 app = typer.Typer()
 
 
 @app.command(
+    cls=settings.ListsReadings,
     epilog=options.examples(
         "ablate blockwise-vs-elementwise",
         "ablate dropout-rate --profile million --seeds 6 --dry-run",
+        "ablate broken-links --reading capture-once",
         "ablate my-question.toml --set help   (what --set takes here)",
     ),
 )
@@ -32,6 +35,7 @@ def ablate(
         bool, typer.Option("--list", help="List the questions that are shipped.")
     ] = False,
     profile: options.Profile = None,
+    reading: options.Reading = None,
     overrides: options.Set = None,
     seed: options.Seed = None,
     seeds: options.Seeds = None,
@@ -50,6 +54,7 @@ def ablate(
     definition = load_definition(name)
     checked = options.train_options(
         profile=options.chosen_profile(definition, profile),
+        readings=reading,
         overrides=overrides,
         seed=seed,
         seeds=seeds,
@@ -60,7 +65,7 @@ def ablate(
         json=json,
     )
     if settings.HELP in checked.overrides:
-        return settings.show_settings(definition, checked.profile, checked.overrides, as_json=json)
+        return settings.show_settings(definition, checked, as_json=json)
     from msgdrop_cli.commands.parts.carry_out import carry_out  # after the quick checks
 
     return carry_out(definition, checked)
@@ -71,11 +76,19 @@ def _list(as_json: bool) -> int:
     if as_json:
         console.result_json(
             [
-                {"name": d.name, "title": d.title, "question": d.question, "source": d.source}
+                {
+                    "name": d.name,
+                    "title": d.title,
+                    "question": d.question,
+                    "source": d.source,
+                    "readings": list(readings_of(d.environments)),
+                }
                 for d in definitions
             ]
         )
         return 0
     console.facts({d.name: d.question for d in definitions}, is_result=True)
+    console.result("\nother readings of the paper, for --reading:")
+    console.facts({name: each.says for name, each in all_readings().items()}, is_result=True)
     console.note("\nanswer one:  msgdrop ablate NAME   (what it takes: --dry-run)")
     return 0

@@ -26,6 +26,7 @@ _To = Annotated[
 def publish(
     name: options.Question,
     profile: options.Profile = None,
+    reading: options.Reading = None,
     seed: options.Seed = None,
     seeds: options.Seeds = None,
     results: options.Results = Path("results"),
@@ -51,7 +52,7 @@ def publish(
     from msgdrop_cli.report.study import tables
     from msgdrop_cli.report.write import FIGURES, TABLES, Folder, write_atomic
 
-    asked = plan(definition, profile, catalogue(), seeds=chosen)
+    asked = plan(definition, profile, catalogue(), readings=reading or (), seeds=chosen)
     looked_up = survey(asked.runs, results)
     records = [
         as_planned(looked_up.records[run.run_id], run)
@@ -59,11 +60,9 @@ def publish(
         if looked_up.status(run) == "done"
     ]
     if not records:
-        raise DefinitionError(
-            f"{results}: holds no finished run of {definition.name}, profile {profile}"
-            f" (train them: msgdrop ablate {definition.name} --profile {profile})"
-        )
-    folder = Folder(to).at(f"{definition.name}-{profile}")
+        what = f"{results}: holds no finished run of {definition.name}, profile {asked.profile}"
+        raise DefinitionError(f"{what} (train them: {_command(name, profile, reading or ())})")
+    folder = Folder(to).at(f"{definition.name}-{asked.profile}")
     order = tuple(definition.variants)
     summary = summarise(records, order=order, references=references_of(records, folder.made()))
     note_left_out(summary)
@@ -73,6 +72,12 @@ def publish(
     drawn = draw_all(summary, folder.at(FIGURES))
     _show({"runs": copies, "tables": [page], "figures": drawn}, as_json=json)
     return 0
+
+
+def _command(name: str, profile: str, readings: Sequence[str]) -> str:
+    """What trains the runs that are to be published."""
+    under = "".join(f" --reading {each}" for each in readings)
+    return f"msgdrop ablate {name} --profile {profile}{under}"
 
 
 def _show(paths: Mapping[str, Sequence[Path]], *, as_json: bool) -> None:

@@ -95,7 +95,7 @@ def train(
         raise DefinitionError(f"--steps: expected at least 1, not {steps}")
     definition = _definition(env, algorithm, profile, rate, steps)
     if settings.HELP in checked.overrides:
-        return settings.show_settings(definition, profile, checked.overrides, as_json=json)
+        return settings.show_settings(definition, checked, as_json=json)
     from msgdrop_cli.commands.parts.carry_out import carry_out  # after the quick checks
 
     return carry_out(definition, checked)

@@ -20,6 +20,8 @@ from msgdrop_cli.errors import DefinitionError, nearest
 
 PAPER = "paper.toml"
 """Shipped beside the questions and none of them: sizes and lengths (`paper.py`)."""
+READINGS = "readings.toml"
+"""The same: other readings of the paper (`readings.py`)."""
 _LARGEST_FILE = 1_000_000
 
 
@@ -80,7 +82,11 @@ def shipped_file(name: str) -> bytes:
 
 def _shipped() -> dict[str, Traversable]:
     files = (file for file in _folder().iterdir() if file.name.endswith(".toml"))
-    return {file.name.removesuffix(".toml"): file for file in files if file.name != PAPER}
+    return {
+        file.name.removesuffix(".toml"): file
+        for file in files
+        if file.name not in (PAPER, READINGS)
+    }
 
 
 def _folder() -> Traversable:

@@ -32,11 +32,13 @@ class Override:
     value: Any
     text: str
     """The value as it was typed."""
+    source: str = "--set"
+    """Who asks for it."""
 
     @property
     def where(self) -> Where:
         """The place of the section, for errors about it."""
-        top = Where("--set")
+        top = Where(self.source)
         place = top if self.variant is None else top.at("variants").at(self.variant)
         return place.at(self.section)
 

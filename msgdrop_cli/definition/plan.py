@@ -1,8 +1,9 @@
 """From a definition to the runs it asks for, every setting resolved and checked.
 
-Precedence: the paper's settings < the named algorithm < profile < variant < `--set`. What a variant
-sets itself is overridden by its own name only: `--set variants.md-0.2.algorithm.rate=0.3`. Where a
-profile says how long is trained and not how long is explored, the latter follows (`_explored`).
+Precedence: the paper's settings < the named algorithm < profile < variant < `--reading` < `--set`.
+What a variant sets itself is overridden by its own name only:
+`--set variants.md-0.2.algorithm.rate=0.3`. Where a profile says how long is trained and not how
+long is explored, the latter follows (`_explored`).
 """
 
 from collections.abc import Sequence
@@ -19,6 +20,7 @@ from msgdrop_cli.definition.overrides import (
     described,
     parse_override,
 )
+from msgdrop_cli.definition.readings import as_overrides, under
 from msgdrop_cli.definition.run_id import run_id
 from msgdrop_cli.definition.spec import (
     NAME,
@@ -45,6 +47,7 @@ class Plan:
 
     definition: Definition
     profile: str
+    """With the readings that it is asked under: `quick-capture-once`."""
     runs: tuple[PlannedRun, ...]
     """Environment by environment, variant by variant, seed by seed; no two are one."""
     channels: tuple[Channel, ...]
@@ -68,13 +71,16 @@ def plan(
     catalogue: Catalogue,
     *,
     overrides: Sequence[str] = (),
+    readings: Sequence[str] = (),
     seeds: Sequence[int] | None = None,
 ) -> Plan:
     """The runs of one profile, with `--set` overrides and seeds that replace the profile's.
 
-    Raises DefinitionError, in one line: unknown profile, environment, algorithm, channel or key, a
-    value of the wrong type or out of range, a seed that is refused, an override of what a variant
-    sets itself, or two variants that are one.
+    readings: names of other readings of the paper that it is asked under (`readings.py`).
+
+    Raises DefinitionError, in one line: unknown profile, environment, algorithm, channel, reading
+    or key, a value of the wrong type or out of range, a seed that is refused, an override of what
+    a variant sets itself, or two variants that are one.
     """
     where = Where(definition.file)
     if profile not in definition.profiles:
@@ -86,12 +92,15 @@ def plan(
     else:
         numbers = _checked_seeds(tuple(seeds), Where("--seeds"))
     arms = {name: definition.variants[name] for name in chosen.variants or definition.variants}
+    environments = chosen.environments or definition.environments
     changes = tuple(parse_override(text) for text in overrides)
     check_variants(changes, tuple(arms))
-    resolver = _Resolver(definition, profile, catalogue, changes)
+    changes = (*as_overrides(readings, environments), *changes)
+    called = under(profile, readings)
+    resolver = _Resolver(definition, profile, called, catalogue, changes)
     runs = [
         resolver.run(environment, variant, seed)
-        for environment in chosen.environments or definition.environments
+        for environment in environments
         for variant in arms
         for seed in numbers
     ]
@@ -100,7 +109,7 @@ def plan(
     _check_distinct(runs, where.at("profiles").at(profile))
     return Plan(
         definition=definition,
-        profile=profile,
+        profile=called,
         runs=tuple(runs),
         channels=channels,
         evaluation_episodes=chosen.evaluation_episodes,
@@ -197,6 +206,8 @@ class _Resolver:
 
     definition: Definition
     profile: str
+    called: str
+    """The profile with its readings."""
     catalogue: Catalogue
     overrides: tuple[Override, ...]
 
@@ -237,7 +248,7 @@ class _Resolver:
             variant=variant,
             label=arm.label,
             definition=self.definition.name,
-            profile=self.profile,
+            profile=self.called,
             spec=spec,
             overrides=described(applied(self.overrides, variant), spec),
         )

@@ -44,6 +44,7 @@ def carry_out(definition: Definition, options: TrainOptions) -> int:
         options.profile,
         catalogue(),
         overrides=options.overrides,
+        readings=options.readings,
         seeds=options.seeds,
     )
     check_device(options.device)

@@ -7,6 +7,7 @@ import typer
 from msgdrop_cli.commands.parts import vocabulary
 from msgdrop_cli.definition.channel import NAMED
 from msgdrop_cli.definition.load import list_definitions, load_definition
+from msgdrop_cli.definition.readings import readings_of
 from msgdrop_cli.definition.spec import Definition
 from msgdrop_cli.errors import DefinitionError
 
@@ -31,6 +32,13 @@ def profiles(context: typer.Context) -> list[str]:
 def channels() -> list[str]:
     """The kinds of channels, by their files, and those with a name of their own."""
     return sorted([*vocabulary.channels(), *NAMED])
+
+
+def readings(context: typer.Context) -> list[tuple[str, str]]:
+    """The readings that the question on the line can be asked under, or all."""
+    definition = _definition(_question(context))
+    environments = definition.environments if definition else ()
+    return [(name, each.says) for name, each in readings_of(environments).items()]
 
 
 def settings(context: typer.Context) -> list[tuple[str, str]]:

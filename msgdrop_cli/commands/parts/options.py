@@ -62,6 +62,15 @@ Set = Annotated[
         autocompletion=completion.settings,
     ),
 ]
+Reading = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--reading",
+        metavar="NAME",
+        help="Read the paper otherwise, e.g. capture-once.",
+        autocompletion=completion.readings,
+    ),
+]
 Seeds = Annotated[
     str | None, typer.Option(metavar="N|A,B,..", help="A number of seeds (3) or a list (1,5,9).")
 ]
@@ -114,6 +123,7 @@ class TrainOptions:
 
     profile: str
     overrides: tuple[str, ...]
+    readings: tuple[str, ...]
     seeds: tuple[int, ...] | None
     workers: int
     device: str
@@ -138,6 +148,7 @@ def train_options(
     results: Path,
     dry_run: bool,
     json: bool,
+    readings: list[str] | None = None,
 ) -> TrainOptions:
     """The options as given, checked; DefinitionError where a value cannot be meant."""
     check_workers(workers)
@@ -145,6 +156,7 @@ def train_options(
     return TrainOptions(
         profile=profile,
         overrides=tuple(overrides or ()),
+        readings=tuple(readings or ()),
         seeds=chosen_seeds(seed, seeds),
         workers=workers,
         device=device,

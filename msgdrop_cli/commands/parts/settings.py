@@ -1,12 +1,13 @@
-"""What `--set` takes: in the help of a command, and in full with `--set help`."""
+"""What `--set` and `--reading` take: in a command's help; settings in full with `--set help`."""
 
-from collections.abc import Sequence
 from typing import Any
 
 from typer.core import TyperCommand
 
 from msgdrop_cli.commands.parts import console, vocabulary
+from msgdrop_cli.commands.parts.options import TrainOptions
 from msgdrop_cli.definition.plan import plan
+from msgdrop_cli.definition.readings import all_readings
 from msgdrop_cli.definition.spec import Definition
 
 HELP = "help"
@@ -28,17 +29,26 @@ class ListsSettings(TyperCommand):
             formatter.write_dl(rows)
 
 
-def show_settings(
-    definition: Definition, profile: str, overrides: Sequence[str], *, as_json: bool
-) -> int:
+class ListsReadings(TyperCommand):
+    """A command whose help ends with the readings that `--reading` takes."""
+
+    def format_epilog(self, ctx: Any, formatter: Any) -> None:
+        """Write the examples, then every reading with what it says."""
+        super().format_epilog(ctx, formatter)
+        with formatter.section("What --reading takes (why, and what else is open: PAPER.md)"):
+            formatter.write_dl([(name, each.says) for name, each in all_readings().items()])
+
+
+def show_settings(definition: Definition, options: TrainOptions, *, as_json: bool) -> int:
     """Show every setting with its meaning and its value in the first run; loads torch.
 
     Returns the exit code, 0.
     """
     from msgdrop_cli.engine.offers import catalogue
 
-    others = [each for each in overrides if each != HELP]
-    run = plan(definition, profile, catalogue(), overrides=others).runs[0]
+    others = [each for each in options.overrides if each != HELP]
+    profile, readings = options.profile, options.readings
+    run = plan(definition, profile, catalogue(), overrides=others, readings=readings).runs[0]
     spec = run.spec
     configs = {
         "training": spec.training,
@@ -59,6 +69,6 @@ def show_settings(
         names = ("setting", "value", "meaning")
         console.result_json([dict(zip(names, row, strict=True)) for row in rows])
         return 0
-    console.note(f"as {run.label} on {spec.environment} has them, profile {profile}\n")
+    console.note(f"as {run.label} on {spec.environment} has them, profile {run.profile}\n")
     console.facts({f"{path}={value}": meaning for path, value, meaning in rows}, is_result=True)
     return 0

@@ -10,6 +10,7 @@ from msgdrop_cli.commands.parts.survey import Survey
 from msgdrop_cli.commands.parts.words import about, several, size
 from msgdrop_cli.definition.channel import Channel, only_links
 from msgdrop_cli.definition.plan import Plan
+from msgdrop_cli.definition.readings import all_readings
 from msgdrop_cli.definition.spec import PlannedRun
 from msgdrop_cli.definition.strict import one_line
 from msgdrop_cli.records.store import RunRecord
@@ -48,6 +49,7 @@ def plan_facts(
         "question": definition.question,
         "source": definition.source,
         "profile": f"{asked.profile}, on {', '.join(environments)}",
+        **({"reading": _readings(options.readings)} if options.readings else {}),
         **({"overridden": one_line(", ".join(options.overrides))} if options.overrides else {}),
         "variants": ", ".join(variants),
         "seeds": ", ".join(map(str, seeds)),
@@ -62,6 +64,11 @@ def plan_facts(
             "disk": f"up to {size(cost.disk_bytes)} in {options.results}",
         }
     return facts
+
+
+def _readings(names: Sequence[str]) -> str:
+    """`capture-once: two evaders captured in one step pay once`, one after the other."""
+    return "; ".join(f"{name}: {all_readings()[name].says}" for name in names)
 
 
 def plan_json(asked: Plan, looked_up: Survey, cost: Estimate) -> dict[str, Any]:

@@ -1,0 +1,93 @@
+"""Other readings of the paper, by name: settings that any question can be asked under."""
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+from msgdrop_cli.definition.load import READINGS, shipped_file
+from msgdrop_cli.definition.overrides import SECTIONS, Override
+from msgdrop_cli.definition.spec import NAME
+from msgdrop_cli.definition.strict import Where, convert, read_toml, shown
+from msgdrop_cli.errors import nearest
+
+_OPTION = "--reading"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Reading:
+    """One statement of the paper, read in another way than by default."""
+
+    says: str
+    """The other way, in a line."""
+    row: str
+    """How the row of PAPER.md begins that it belongs to."""
+    environments: tuple[str, ...]
+    """Where it means something."""
+    algorithm: Mapping[str, Any] = field(default_factory=dict)
+    """Fields of the learner's Config."""
+    training: Mapping[str, Any] = field(default_factory=dict)
+    """Fields of TrainingSpec."""
+    environment: Mapping[str, Any] = field(default_factory=dict)
+    """Fields of the environment's Config."""
+
+
+def all_readings() -> Mapping[str, Reading]:
+    """Every reading by its name, in the order of `readings.toml`."""
+    where = Where(READINGS)
+    found: Mapping[str, Reading] = convert(
+        read_toml(shipped_file(READINGS), where), Mapping[str, Reading], where
+    )
+    return found
+
+
+def readings_of(environments: Sequence[str]) -> Mapping[str, Reading]:
+    """The readings that mean something in all of these environments."""
+    return {
+        name: reading
+        for name, reading in all_readings().items()
+        if set(environments) <= set(reading.environments)
+    }
+
+
+def under(profile: str, readings: Sequence[str]) -> str:
+    """What a profile is called under some readings: `quick-capture-once`.
+
+    It is the word that runs, tables, figures and verdicts are told apart by.
+    Raises DefinitionError where it gets too long for a name.
+    """
+    called = "-".join((profile, *sorted(readings)))
+    if readings and not NAME.fullmatch(called):
+        raise Where(_OPTION).error(f"{shown(called)} is too long for a name; ask under fewer")
+    return called
+
+
+def as_overrides(names: Sequence[str], environments: Sequence[str]) -> tuple[Override, ...]:
+    """What readings set, of all variants.
+
+    Raises DefinitionError: a name that there is not, is given twice or means nothing in one of
+    the environments, or two readings of one setting.
+    """
+    known, where = all_readings(), Where(_OPTION)
+    changes: dict[tuple[str, str], Override] = {}
+    for number, name in enumerate(names):
+        if name not in known:
+            raise where.error(f"no reading is called {name[:64]!r}; {nearest(name[:64], known)}")
+        if name in names[:number]:
+            raise where.error(f"{name} is given twice")
+        if strangers := set(environments) - set(known[name].environments):
+            means = f"{name} means something in {', '.join(known[name].environments)}"
+            raise where.error(f"{means}, not in {', '.join(sorted(strangers))}")
+        for section in SECTIONS:
+            for key, value in getattr(known[name], section).items():
+                if other := changes.get((section, key)):
+                    raise where.error(f"{name} and {other.source} are two readings of {key}")
+                changes[section, key] = Override(
+                    variant=None,
+                    section=section,
+                    key=key,
+                    value=value,
+                    text=json.dumps(value),  # which for these is TOML, too
+                    source=f"{_OPTION} {name}",
+                )
+    return tuple(changes.values())
