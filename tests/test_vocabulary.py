@@ -4,7 +4,7 @@ from dataclasses import fields
 
 import pytest
 
-from msgdrop_cli.commands.parts import completion, vocabulary
+from msgdrop_cli.commands.parts import completion, sources, vocabulary
 from msgdrop_cli.definition.spec import TrainingSpec
 from msgdrop_cli.engine.offers import catalogue
 
@@ -28,7 +28,7 @@ def test_every_setting_is_found(name: str) -> None:
     sections = vocabulary.sections(name, name) if name else vocabulary.sections()
     [*_, section] = sections if name else sections[:1]
     config = CONFIGS[name]
-    wanted = [(f.name, vocabulary.notation(getattr(config, f.name))) for f in fields(config)]
+    wanted = [(f.name, sources.notation(getattr(config, f.name))) for f in fields(config)]
     assert [(setting.key, setting.default) for setting in section.settings] == wanted
     assert all(setting.meaning.endswith(".") for setting in section.settings)
 
@@ -45,4 +45,4 @@ def test_values_are_written_as_they_are_read() -> None:
     """In the notation of TOML and of `--set`."""
     values = (True, (64, 48), "message", 1e-4, 5)
     written = ["true", "[64, 48]", "message", "0.0001", "5"]
-    assert [vocabulary.notation(value) for value in values] == written
+    assert [sources.notation(value) for value in values] == written

@@ -4,7 +4,7 @@ from typing import Any
 
 from typer.core import TyperCommand
 
-from msgdrop_cli.commands.parts import console, vocabulary
+from msgdrop_cli.commands.parts import console, sources, vocabulary
 from msgdrop_cli.commands.parts.options import TrainOptions
 from msgdrop_cli.definition.plan import plan
 from msgdrop_cli.definition.readings import all_readings
@@ -59,7 +59,7 @@ def show_settings(definition: Definition, options: TrainOptions, *, as_json: boo
     rows = [
         (
             f"{section.name}.{s.key}",
-            vocabulary.notation(getattr(configs[section.name], s.key)),
+            sources.notation(getattr(configs[section.name], s.key)),
             s.meaning,
         )
         for section in vocabulary.sections(spec.environment, algorithm)
