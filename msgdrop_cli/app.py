@@ -19,6 +19,7 @@ from msgdrop_cli import __version__
 from msgdrop_cli.commands import (
     ablate,
     eval,
+    explain,
     import_archives,
     plot,
     publish,
@@ -49,7 +50,8 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     context_settings={"max_content_width": 100, "help_option_names": ["-h", "--help"]},
 )
-for _command in (ablate, train, eval, unstable_test, plot, status, publish, import_archives):
+_COMMANDS = (ablate, train, eval, unstable_test, plot, status, explain, publish, import_archives)
+for _command in _COMMANDS:
     app.add_typer(_command.app)
 
 

@@ -33,8 +33,13 @@ class RecordError(MsgdropError):
 def nearest(name: str, known: Iterable[str]) -> str:
     """The tail of an error message that names the nearest known word, or all of them."""
     names = sorted(known)
-    begun = [each for each in names if len(name) > 2 and each.startswith(name)]
-    close = begun or difflib.get_close_matches(name, names, n=1)
-    if close:
-        return f"did you mean {close[0]!r}?"
+    if close := closest(name, names):
+        return f"did you mean {close!r}?"
     return "known: " + ", ".join(names)
+
+
+def closest(name: str, known: Iterable[str]) -> str | None:
+    """The known word that was probably meant, if one is near."""
+    names = sorted(known)
+    begun = [each for each in names if len(name) > 2 and each.startswith(name)]
+    return next(iter(begun or difflib.get_close_matches(name, names, n=1)), None)

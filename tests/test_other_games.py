@@ -120,7 +120,7 @@ def test_a_package_that_is_not_there_is_named(site: Path) -> None:
 
 
 def test_its_names_and_settings_can_be_typed(site: Path) -> None:
-    """The TAB key and `--set help` know them."""
+    """The TAB key, `--set help` and `explain` know them."""
     install(site)
     assert "echo-n3" in completion.environments()
     [*_, game] = vocabulary.sections("echo-n3", "dcc")
@@ -130,6 +130,10 @@ def test_its_names_and_settings_can_be_typed(site: Path) -> None:
     ]
     said = msgdrop("train", "--env", "echo-n3", "--set", "help")
     assert "environment.time_limit=10" in said.out, said.err
+    said = msgdrop("explain", "echo-n4")
+    assert "Echo: every agent says what its left neighbour sees." in said.out
+    assert "agents=4" in said.out
+    assert "dcc in echo-n3 8" in " ".join(msgdrop("explain", "g_units").out.split())
 
 
 def test_it_is_trained_and_reported_like_ours(site: Path, tmp_path: Path) -> None:

@@ -276,7 +276,9 @@ def test_functions_are_short() -> None:
     assert found(SOURCES, lambda path: long_functions(path.read_text())) == {}
 
 
-@pytest.mark.parametrize("arguments", [["--help"], ["--version"], ["ablate", "--help"]])
+@pytest.mark.parametrize(
+    "arguments", [["--help"], ["--version"], ["ablate", "--help"], ["explain", "dcc-md"]]
+)
 def test_help_loads_nothing_heavy(arguments: list[str]) -> None:
     """Help and version answer at once: nothing heavy is loaded on the way, by anybody."""
     paths = [str(ROOT / root) for root in SOURCE_ROOTS.values()]

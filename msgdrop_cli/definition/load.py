@@ -26,29 +26,53 @@ _LARGEST_FILE = 1_000_000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _ClaimTable:
+class ClaimTable:
     """One sentence of the paper; lists stand for every combination of their entries."""
 
     says: str
+    """The sentence, e.g. `"DCC-MD catches more than DCC when links break"`."""
     source: str
+    """Where it stands, e.g. `"l. 528"`."""
     better: str | tuple[str, ...]
+    """The variant that wins, or several, each of which does, e.g. `["md-0.2"]`."""
     worse: str | tuple[str, ...]
+    """The variant that loses, or several, e.g. `"dcc"`."""
     environment: str | tuple[str, ...]
+    """In which game, or in which ones, e.g. `"pursuit-n6"`."""
     metric: str
+    """By which of the game's metrics, e.g. `"catches_per_500"`."""
     channel: Channel = field(default=NONE_BROKEN, metadata={"also": "broken_links"})
+    """Through which of the channels; without it no link is broken, e.g. `"half"`."""
     measure: Literal["evaluation", "learning"] = "evaluation"
+    """`learning`: by the mean of the whole training curve; `evaluation`, which it is without this
+    key: by the evaluation after training, e.g. `"evaluation"`."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _File:
+class QuestionFile:
+    """What stands in a definition's file. `msgdrop explain toml` shows all keys with their text.
+
+    Each docstring, here and in the tables, ends with an example.
+    """
+
     title: str
+    """What tables and figures are headed by, e.g. `"A cautious rate"`."""
     question: str
+    """What is asked, in one sentence, e.g. `"Is a twentieth enough?"`."""
     source: str
+    """Who asks: a place in the paper, or you, e.g. `"ours"`."""
     environments: tuple[str, ...]
+    """The games, by the names that `--env` takes, e.g. `["pursuit-n6"]`."""
     channels: tuple[Channel, ...] = field(default=(NONE_BROKEN,), metadata={"also": "broken_links"})
+    """An evaluation after training through each: shares of broken links, or other kinds with their
+    settings; without it no link is broken, e.g. `["none", "half", 1.0]`."""
     variants: Mapping[str, Variant]
+    """What is compared, one table a variant, e.g. `[variants."md-0.2"]`."""
     profiles: Mapping[str, Profile]
-    claims: tuple[_ClaimTable, ...] = ()
+    """Scales to choose from with `--profile`, one table each; quick is the one that is meant if
+    none is named, e.g. `[profiles.quick]`."""
+    claims: tuple[ClaimTable, ...] = ()
+    """Sentences that get a verdict, one table each, e.g. `[[claims]]`."""
 
     def __post_init__(self) -> None:
         check_each_once(self.channels)
@@ -114,7 +138,7 @@ def _read(path: Path) -> bytes:
 def _parsed(name: str, file: str, content: bytes, *, shipped: bool) -> Definition:
     where = Where(file)
     _check_names([name], where)
-    read = build(_File, read_toml(content, where), where)
+    read = build(QuestionFile, read_toml(content, where), where)
     _check(read, where)
     claims = itertools.chain.from_iterable(
         _claims(claim, read, where.at("claims").at(str(number)))
@@ -135,7 +159,7 @@ def _parsed(name: str, file: str, content: bytes, *, shipped: bool) -> Definitio
     )
 
 
-def _check(read: _File, where: Where) -> None:
+def _check(read: QuestionFile, where: Where) -> None:
     """Refuse names that cannot name a folder and restrictions to what is not there."""
     for key, names in (
         ("environments", read.environments),
@@ -180,7 +204,7 @@ def _check_known(names: tuple[str, ...] | None, known: Iterable[str], where: Whe
     _check_names(names, where)
 
 
-def _claims(claim: _ClaimTable, read: _File, where: Where) -> Iterable[Claim]:
+def _claims(claim: ClaimTable, read: QuestionFile, where: Where) -> Iterable[Claim]:
     """Every ordering that one sentence of the paper contains."""
     better, worse, environments = map(_listed, (claim.better, claim.worse, claim.environment))
     _check_known(better, read.variants, where.at("better"))

@@ -95,13 +95,14 @@ class Variant:
     """One arm of an ablation."""
 
     label: str
-    """What tables and figures call it."""
+    """What tables and figures call it, e.g. `"DCC-MD 0.2"`."""
     algorithm: Mapping[str, Any]
-    """`name` of a named algorithm; every other key overrides a field of its Config."""
+    """The `name` that `--algorithm` takes; every other key is a setting that the variant changes,
+    e.g. `{ name = "dcc-md", rate = 0.2 }`."""
     training: Mapping[str, Any] = field(default_factory=dict)
-    """Overrides of TrainingSpec."""
+    """Settings of the training that it changes, e.g. `{ games = 4 }`."""
     environment: Mapping[str, Any] = field(default_factory=dict)
-    """Overrides of the environment's Config."""
+    """Settings of the game that it changes, e.g. `{ sight = 2 }`."""
 
     def __post_init__(self) -> None:
         if not isinstance(self.algorithm.get("name"), str):
@@ -113,21 +114,21 @@ class Profile:
     """One scale of an ablation: how much is trained and measured."""
 
     seeds: int | tuple[int, ...]
-    """A count n means seeds 1 to n; a list means exactly these."""
+    """A count n means seeds 1 to n; a list means exactly these, e.g. `2`."""
     evaluation_episodes: int = 1_000
-    """Episodes of each evaluation after training (paper l. 419: 1000)."""
+    """Episodes of each evaluation after training (paper l. 419: 1000), e.g. `200`."""
     environments: tuple[str, ...] | None = None
-    """Restriction to some of the definition's environments."""
+    """Only these of the question's games, e.g. `["pursuit-n6"]`."""
     variants: tuple[str, ...] | None = None
-    """Restriction to some of the definition's variants."""
+    """Only these of the question's variants, e.g. `["dcc", "md-0.2"]`."""
     channels: tuple[Channel, ...] | None = field(default=None, metadata={"also": "broken_links"})
-    """One evaluation through each, instead of the definition's."""
+    """An evaluation through each of these instead of the question's, e.g. `["none", "half"]`."""
     algorithm: Mapping[str, Any] = field(default_factory=dict)
-    """Overrides of every variant's algorithm Config."""
+    """Settings of every variant's algorithm, e.g. `{ batch_size = 64 }`."""
     training: Mapping[str, Any] = field(default_factory=dict)
-    """Overrides of TrainingSpec."""
+    """Settings of every variant's training, e.g. `{ train_env_steps = 100_000 }`."""
     environment: Mapping[str, Any] = field(default_factory=dict)
-    """Overrides of the environment's Config."""
+    """Settings of every variant's game, e.g. `{ time_limit = 100 }`."""
 
     def __post_init__(self) -> None:
         if self.evaluation_episodes < 1:

@@ -110,7 +110,7 @@ def parse(cls: type[_Dataclass], table: Any, where: Where) -> dict[str, Any]:
     if not isinstance(table, Mapping):
         raise where.error(f"expected a table, not {shown(table)}")
     hints = get_type_hints(cls)
-    names = {name: each.name for each in fields(cls) if each.init for name in _keys(each)}
+    names = {name: each.name for each in fields(cls) if each.init for name in names_of(each)}
     values: dict[str, Any] = {}
     for key, value in table.items():
         if key not in names:
@@ -125,6 +125,11 @@ def parse(cls: type[_Dataclass], table: Any, where: Where) -> dict[str, Any]:
 def shallow(value: _Dataclass) -> dict[str, Any]:
     """The fields of a dataclass as a table, one level deep."""
     return {field.name: getattr(value, field.name) for field in fields(value) if field.init}
+
+
+def names_of(field: Field[Any]) -> list[str]:
+    """The keys that mean a field: its name, and the other one that its metadata may give it."""
+    return [field.name, *([field.metadata["also"]] if "also" in field.metadata else [])]
 
 
 def convert(value: Any, hint: Any, where: Where) -> Any:
@@ -278,11 +283,6 @@ def _described(hint: Any) -> str:
     if get_origin(hint) is tuple:
         return f"a list [{_described(get_args(hint)[0])}, ...]"
     return f"a {hint.__name__.lower()}" if hasattr(hint, "read") else "a table"
-
-
-def _keys(each: Field[Any]) -> list[str]:
-    """The field's name, and the other one that its metadata may give it."""
-    return [each.name, *([each.metadata["also"]] if "also" in each.metadata else [])]
 
 
 def _required(cls: type[_Dataclass]) -> list[str]:

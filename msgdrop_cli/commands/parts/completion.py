@@ -54,6 +54,13 @@ def settings(context: typer.Context) -> list[tuple[str, str]]:
     return list(found.items())
 
 
+def topics() -> list[str]:
+    """What `explain` takes."""
+    from msgdrop_cli.commands.parts.topics import topics
+
+    return list(dict.fromkeys(name for topic in topics() for name in topic.names))
+
+
 def _question(context: typer.Context) -> str | None:
     """What stands as the argument; behind an option without its value it is not parsed yet."""
     name = context.params.get("name")

@@ -1,0 +1,209 @@
+"""What `explain` knows: everything with a name, in the words that stand where it is defined."""
+
+import ast
+import tomllib
+from collections.abc import Iterator, Mapping, Sequence
+from itertools import chain
+from typing import NamedTuple
+
+from msgdrop_cli.commands.parts import sources, vocabulary
+from msgdrop_cli.commands.parts.question_keys import Key, question_file, question_keys
+from msgdrop_cli.commands.parts.sources import Module, notation
+from msgdrop_cli.commands.parts.vocabulary import Section
+from msgdrop_cli.definition.channel import LINKS, WORDS, Channel
+from msgdrop_cli.definition.load import PAPER, list_definitions, load_definition, shipped_file
+
+_CHANNELS, _TOPOLOGIES = "msgdrop_cli.channels", "msgdrop_cli.messages.topologies"
+_METRIC = ("count", "per", "scale", "better", "meaning")
+"""The fields of `Metric` in their order."""
+_TRAINING = "spec"
+"""The file of the settings that every run has."""
+
+
+class Fact(NamedTuple):
+    """One line of a topic."""
+
+    name: str
+    value: str
+    meaning: str = ""
+
+
+class Topic(NamedTuple):
+    """One thing that can be explained."""
+
+    kind: str
+    names: tuple[str, ...]
+    """What it is called."""
+    where: str
+    """Where it stands, or whose it is."""
+    text: str
+    facts: tuple[Fact, ...] = ()
+
+    @property
+    def calls(self) -> list[str]:
+        """What it may be called by: its names, and the last parts of those that are paths."""
+        return [call for name in self.names for call in (name, name.rpartition(".")[2])]
+
+
+class _Sizes(NamedTuple):
+    """What a file of sizes says of a game and a learner."""
+
+    game: str
+    learner: str
+    values: Mapping[str, str]
+    """By path, `training.train_env_steps`."""
+
+
+def topics() -> list[Topic]:
+    """Everything, kind by kind."""
+    learners, games = vocabulary.algorithms(), vocabulary.environments()
+    sections = [vocabulary.training(), *learners, *games]
+    sizes, keys = list(_sizes(games)), list(question_keys())
+    return [
+        *chain.from_iterable(_algorithms(section, sizes) for section in learners),
+        *chain.from_iterable(_games(section, sizes) for section in games),
+        *chain.from_iterable(_settings(each, sizes) for each in sections),
+        *_channels(),
+        *(_topology(module) for module in sources.modules(_TOPOLOGIES)),
+        *chain.from_iterable(map(_metrics, games)),
+        *map(_question, list_definitions()),
+        Topic("file", ("toml",), "a question with every key", question_file(keys)),
+        *map(_key, keys),
+    ]
+
+
+def _algorithms(section: Section, sizes: Sequence[_Sizes]) -> Iterator[Topic]:
+    text = sources.module(section.package, section.module).docstring
+    fitting = [
+        Fact(f"in {each.game}", _pairs(each.values))
+        for each in sizes
+        if each.learner == section.module
+    ]
+    for named in section.named:
+        changes = dict(named.changes)
+        where = f"{section.module}.py with {_pairs(changes) or 'its defaults'}"
+        facts = (*_values(section, changes), *fitting)
+        yield Topic("algorithm", (named.name,), where, text, facts)
+
+
+def _games(section: Section, sizes: Sequence[_Sizes]) -> Iterator[Topic]:
+    rules = sources.module(section.package, "rules")
+    metrics = [Fact(name, _formula(each)) for name, each in _metric_table(rules).items()]
+    for named in section.named:
+        changes = dict(named.changes)
+        where = f"{_game(section)} with {_pairs(changes) or 'its defaults'}"
+        fitting = [
+            Fact(f"for {each.learner}", _pairs(each.values))
+            for each in sizes
+            if each.game == named.name
+        ]
+        facts = (*_values(section, changes), *metrics, *fitting)
+        yield Topic("game", (named.name,), where, rules.docstring, facts)
+
+
+def _settings(section: Section, sizes: Sequence[_Sizes]) -> Iterator[Topic]:
+    of = f"of {', '.join(section.names) or 'every run'}"
+    for setting in section.settings:
+        path = f"{section.name}.{setting.key}"
+        facts = [Fact("default", setting.default)]
+        if setting.choices:
+            facts.append(Fact("one of", ", ".join(setting.choices)))
+        for named in section.named:
+            facts += [Fact(named.name, value) for key, value in named.changes if key == setting.key]
+        for each in sizes:
+            if path in each.values and section.module in (each.learner, _TRAINING):
+                facts.append(Fact(f"{each.learner} in {each.game}", each.values[path]))
+        yield Topic("setting", (path,), of, setting.said, tuple(facts))
+    if not section.named:
+        yield Topic("settings", (section.name,), of, "", tuple(_values(section, {})))
+
+
+def _channels() -> Iterator[Topic]:
+    for module in sources.modules(_CHANNELS):
+        made, kind = module.name.title().replace("_", ""), module.name.replace("_", "-")
+        settings = list(sources.settings(module.tree, made))
+        typed = f"{kind}{':' * bool(settings)}{','.join(each.key.upper() for each in settings)}"
+        text = f"{module.docstring}\n\n{sources.class_docstring(module.tree, made)}"
+        facts = tuple(Fact(each.key.upper(), each.said) for each in settings)
+        yield Topic("channel", (kind,), f"--channel {typed}", text, facts)
+    for word, share in WORDS.items():
+        channel = Channel(LINKS, (share,))
+        yield Topic(
+            "channel", (word,), f"--channel {channel.key}", f"{channel.label}.".capitalize()
+        )
+
+
+def _topology(module: Module) -> Topic:
+    where = f"--set algorithm.topology={module.name}"
+    return Topic("topology", (module.name,), where, module.docstring)
+
+
+def _metrics(section: Section) -> Iterator[Topic]:
+    for name, formula in _metric_table(sources.module(section.package, "rules")).items():
+        yield Topic("metric", (name,), f"of {_game(section)}", _formula(formula))
+
+
+def _question(name: str) -> Topic:
+    asked = load_definition(name)
+    claims = dict.fromkeys(claim.says for claim in asked.claims)
+    facts = (
+        Fact("games", ", ".join(asked.environments)),
+        Fact("channels", ", ".join(each.short for each in asked.channels)),
+        Fact("profiles", ", ".join(asked.profiles)),
+        *(Fact(f"variant {known}", arm.label) for known, arm in asked.variants.items()),
+        *(Fact(f"claim {number}", says) for number, says in enumerate(claims, start=1)),
+    )
+    return Topic("question", (name,), asked.source, f"{asked.title}: {asked.question}", facts)
+
+
+def _key(key: Key) -> Topic:
+    text = f"{key.meaning}\n\n{key.example if key.is_table else f'{key.names[0]} = {key.example}'}"
+    return Topic("key", key.paths, "in a question's file (msgdrop explain toml)", text)
+
+
+def _sizes(games: Sequence[Section]) -> Iterator[_Sizes]:
+    """The paper's, then those that games bring along; who trains is told what is wrong with one."""
+    theirs = (sources.texts(game.package, "sizes.toml").values() for game in games)
+    for text in (shipped_file(PAPER).decode(), *chain.from_iterable(theirs)):
+        try:
+            tables = tomllib.loads(text)
+            for game, learners in tables.items():
+                for learner, found in learners.items():
+                    values = {
+                        f"{section}.{key}": notation(value)
+                        for section, table in found.items()
+                        for key, value in table.items()
+                    }
+                    yield _Sizes(game, learner, values)
+        except (ValueError, AttributeError):  # no TOML, or no tables
+            continue
+
+
+def _values(section: Section, changes: Mapping[str, str]) -> list[Fact]:
+    """A section's settings as a name has them."""
+    return [Fact(s.key, changes.get(s.key, s.default), s.said) for s in section.settings]
+
+
+def _metric_table(rules: Module) -> Mapping[str, ast.expr]:
+    """The metrics of the game's class."""
+    found = (sources.entries(each.body, "metrics") for each in sources.classes(rules.tree))
+    return next((table for table in found if table), {})
+
+
+def _formula(call: ast.expr) -> str:
+    """What `Metric("catches", "steps", 500.0, "higher", "evader catches")` says."""
+    if not isinstance(call, ast.Call):
+        return ast.unparse(call)
+    values = dict(zip(_METRIC, map(sources.literal, call.args), strict=False))
+    metric = values | dict(sources.arguments(call))
+    scale = str(metric.get("scale")).removesuffix(".0")
+    ratio = f"{scale} x {metric.get('count')} / {metric.get('per')}".removeprefix("1 x ")
+    return f"{metric.get('meaning')} ({ratio}; {metric.get('better')} is better)"
+
+
+def _game(section: Section) -> str:
+    return section.package.rpartition(".")[2]
+
+
+def _pairs(values: Mapping[str, str]) -> str:
+    return ", ".join(f"{path.rpartition('.')[2]}={value}" for path, value in values.items())

@@ -1,0 +1,133 @@
+"""`explain` says of every name what stands where it is defined, and nothing that is not so."""
+
+import json
+import re
+from dataclasses import asdict
+from pathlib import Path
+
+import pytest
+
+from msgdrop_cli.commands.parts.question_keys import question_keys
+from msgdrop_cli.definition.load import list_definitions, load_definition
+from msgdrop_cli.definition.plan import plan
+from msgdrop_cli.engine.offers import catalogue
+from msgdrop_cli.errors import DefinitionError
+from msgdrop_cli.messages.topologies import topologies
+from msgdrop_envs import registry
+from tests.cli_runs import msgdrop
+
+KNOWN = catalogue()
+NAMES = {
+    "algorithm": [*KNOWN.algorithms],
+    "game": [*KNOWN.environments],
+    "channel": [*KNOWN.channels],
+    "topology": [*topologies()],
+    "question": list_definitions(),
+}
+
+
+def told(name: str) -> str:
+    """What is said of a name, in one line."""
+    said = msgdrop("explain", name)
+    assert said.code == 0, said.err
+    return " ".join(said.out.split())
+
+
+def without_marks(text: str) -> str:
+    """A question's file in which nothing is left out any more."""
+    return re.sub(r"^#(?! )", "", text, flags=re.MULTILINE)
+
+
+@pytest.mark.parametrize("kind", NAMES)
+def test_everything_with_a_name_is_explained(kind: str) -> None:
+    """Whatever the registries find stands in the list, and has a text."""
+    listed = json.loads(msgdrop("explain", "--json").out)
+    assert set(NAMES[kind]) <= set(listed[kind])
+    for name in NAMES[kind]:
+        topics = json.loads(msgdrop("explain", name, "--json").out)
+        assert all(topic["text"] for topic in topics if topic["kind"] == kind)
+        assert kind in [topic["kind"] for topic in topics]
+
+
+def test_a_learner_is_explained_with_its_settings_and_the_paper() -> None:
+    """The values are those that the name has, the lines of the paper stay."""
+    assert "rate=0.2 Probability of dropping a message (or an element)" in told("dcc-md")
+    assert "in training (paper l. 173)." in told("dcc-md")
+    assert "dcc.py with dropout=element, drops_own=true" in told("full-sd")
+    assert "rate=0.0 Probability" in told("dcc")
+
+
+def test_a_game_is_explained_with_its_rules_metrics_and_sizes() -> None:
+    """The rule book, and what else belongs to this name."""
+    said = told("pursuit-n8")
+    assert "map_size=17 Cells on a side of the map (paper l. 373)." in said
+    assert "The game ends when no evader is left." in said
+    assert "for dcc f_units=[64, 48], g_units=128" in said
+
+
+def test_a_name_of_several_things_means_all_of_them() -> None:
+    """Of a path the last part will do."""
+    assert told("algorithm.rate") == told("rate")
+    assert "dropping a message" in told("rate")
+    assert "dropping another agent's observation" in told("rate")
+    assert ("all: topology" in told("all"), "all: channel" in told("all")) == (True, True)
+
+
+def test_a_setting_has_the_value_of_each_name_and_size() -> None:
+    """And the choices, where there are some."""
+    assert "default 0.2 fdc 0.0 dcc 0.0 concat-dcc 0.0" in told("rate")
+    assert "dcc in pursuit-n8 128" in told("g_units")
+    assert "one of message, element" in told("dropout")
+    assert "maddpg in waterworld-n8 2000000" in told("train_env_steps")
+
+
+@pytest.mark.parametrize("name", KNOWN.environments)
+def test_metrics_are_those_of_the_game(name: str) -> None:
+    """The formula that is read from the source is that of the loaded game."""
+    for metric, formula in registry.make(name).metrics.items():
+        said, parts = told(metric), asdict(formula)
+        assert parts["meaning"] in said
+        ratio = f"{parts['scale']:g} x {parts['count']} / {parts['per']}".removeprefix("1 x ")
+        assert f"({ratio}; {parts['better']} is better)" in said
+
+
+def test_the_file_of_a_question_can_be_asked(tmp_path: Path) -> None:
+    """As it is printed, and with every key that may be left out."""
+    file, whole = msgdrop("explain", "toml").out, tmp_path / "whole.toml"
+    (tmp_path / "mine.toml").write_text(file)
+    assert len(plan(load_definition(str(tmp_path / "mine.toml")), "quick", KNOWN).runs) == 2
+    other = '[variants.dcc]\nlabel = "DCC"\nalgorithm = { name = "dcc" }\n'
+    whole.write_text(f"{without_marks(file)}\n{other}")
+    asked = plan(load_definition(str(whole)), "quick", KNOWN)
+    assert len(asked.runs) == 4
+    assert len(asked.claims) == 1
+    assert asked.evaluation_episodes == 200
+
+
+def refused(text: str, tmp_path: Path) -> set[str]:
+    """The keys that the loader says it takes where it finds another one."""
+    (tmp_path / "wrong.toml").write_text(text)
+    with pytest.raises(DefinitionError, match=r"unknown key; known: (.*)") as caught:
+        load_definition(str(tmp_path / "wrong.toml"))
+    return set(str(caught.value).partition("known: ")[2].split(", "))
+
+
+@pytest.mark.parametrize("table", ["", "variants", "profiles", "claims"])
+def test_the_keys_of_a_question_are_those_that_the_loader_takes(table: str, tmp_path: Path) -> None:
+    """In each of its tables: no more, and none less."""
+    keys, file = list(question_keys()), without_marks(msgdrop("explain", "toml").out)
+    head = next((key.example for key in keys if key.is_table and key.names == (table,)), "")
+    wrong = file.replace(head, f"{head}\nqqqqq = 1", 1) if table else f"qqqqq = 1\n{file}"
+    inside = [key for key in keys if key.table == table]
+    assert refused(wrong, tmp_path) == {name for key in inside for name in key.names}
+    assert all(key.meaning in told(path) for key in inside for path in key.paths)
+
+
+def test_an_unknown_name_is_told_the_nearest() -> None:
+    """In one line; where none is near, how to see them all."""
+    said = msgdrop("explain", "ratee")
+    assert (said.code, said.out) == (2, "")
+    assert said.err.endswith("nothing is called 'ratee'; did you mean 'rate'?\n")
+    said = msgdrop("explain", "x" * 900)
+    assert said.err.endswith("; msgdrop explain lists what there is\n")
+    assert len(said.err.splitlines()) == 1
