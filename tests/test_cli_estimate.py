@@ -12,6 +12,7 @@ from msgdrop_cli.algorithms.discovery import learner_class
 from msgdrop_cli.commands.parts import estimate
 from msgdrop_cli.commands.parts.shapes import on_no_device, run_sizes
 from msgdrop_cli.definition.load import load_definition
+from msgdrop_cli.definition.paper import paper_sizes
 from msgdrop_cli.definition.plan import ad_hoc_definition, plan
 from msgdrop_cli.definition.run_id import spec_to_dict
 from msgdrop_cli.definition.spec import PlannedRun, Profile
@@ -25,11 +26,13 @@ from tests import runs as tiny
 from tests.cli_runs import QUESTION, msgdrop
 
 KNOWN = catalogue()
+CONFIGS = {named.learner: named.config_class for named in KNOWN.algorithms.values()}
+PAPER = paper_sizes(KNOWN.environments, CONFIGS)
 ARMS = [
     (environment, algorithm)
     for environment in KNOWN.environments
     for algorithm, named in KNOWN.algorithms.items()
-    if (environment, named.learner) in KNOWN.paper
+    if (environment, named.learner) in PAPER
 ]
 """Every named algorithm where the paper has it."""
 

@@ -55,7 +55,8 @@ def test_a_pair_without_sizes_is_not_planned() -> None:
     with pytest.raises(DefinitionError) as caught:
         plan(DEFINITION, "paper", replace(CATALOGUE, paper=sizes))
     assert str(caught.value) == (
-        "tiny-n4, plain: no sizes are known of lab there, paper.toml has no [tiny-n4.lab];"
+        "tiny-n4, plain: no sizes are known of lab there: no [tiny-n4.lab] in paper.toml"
+        " or a sizes.toml of the game, no SIZES in lab.py;"
         " what fits: nothing yet"
     )
 

@@ -16,7 +16,8 @@ from msgdrop_envs.parallel import ParallelGame, parallel_env
 from msgdrop_envs.pursuit.rules import Config
 from msgdrop_envs.waterworld.config import Config as Waterworld
 
-SETTINGS = sorted(registry.settings())
+SETTINGS = sorted(name for name, config in registry.settings().items() if registry.view(config))
+"""Of the games that can be shown."""
 STAY = 4
 RING = [[4, 5], [5, 6], [5, 4], [6, 5], [0, 0], [14, 14]]
 """Six pursuers: four of them around (5, 5)."""

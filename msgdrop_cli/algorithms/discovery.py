@@ -10,7 +10,11 @@ from msgdrop_cli.algorithms.learner import LearnerFactory
 
 
 def learners() -> dict[str, ModuleType]:
-    """The learners' modules by name; each has a `Config`, `NAMED` and its class."""
+    """The learners' modules by name; each has a `Config`, `NAMED` and its class.
+
+    It may have `SIZES`, its needs in games for which no file of sizes has any: by the game, tables
+    `algorithm` and `training` as in `paper.toml`.
+    """
     package = msgdrop_cli.algorithms
     modules = {
         found.name: importlib.import_module(f"{package.__name__}.{found.name}")

@@ -68,8 +68,9 @@ class Catalogue:
                 if (environment, named.learner) in self.paper
             ]
             raise DefinitionError(
-                f"no sizes are known of {learner} there, paper.toml has no"
-                f" [{environment}.{learner}]; what fits: {', '.join(fitting) or 'nothing yet'}"
+                f"no sizes are known of {learner} there: no [{environment}.{learner}] in paper.toml"
+                f" or a sizes.toml of the game, no SIZES in {learner}.py;"
+                f" what fits: {', '.join(fitting) or 'nothing yet'}"
             )
         return self.paper[environment, learner]
 

@@ -1,4 +1,4 @@
-"""Sizes and lengths for games and learners, read strictly: the paper's, in `paper.toml`."""
+"""Sizes and lengths for games and learners, read strictly: those of `paper.toml`, and others."""
 
 from collections.abc import Collection, Mapping
 from typing import Any
@@ -20,13 +20,20 @@ def paper_sizes(
 def sizes_in(
     content: bytes, where: Where, environments: Collection[str], learners: Mapping[str, type[Any]]
 ) -> dict[tuple[str, str], PaperSizes]:
-    """(environment, learner) to what a file like `paper.toml` says, in the types of the Configs.
+    """(environment, learner) to what a file like `paper.toml` says; raises as `sizes_of` does."""
+    return sizes_of(read_toml(content, where), where, environments, learners)
+
+
+def sizes_of(
+    tables: Any, where: Where, environments: Collection[str], learners: Mapping[str, type[Any]]
+) -> dict[tuple[str, str], PaperSizes]:
+    """(environment, learner) to what tables by both say, in the types of the Configs.
 
     learners: name to Config. Raises DefinitionError, in one line: an environment, learner or field
     that does not exist, a value of the wrong type, a pair without both of its tables.
     """
     hint, found = Mapping[str, Mapping[str, PaperSizes]], {}
-    for environment, of_learners in convert(read_toml(content, where), hint, where).items():
+    for environment, of_learners in convert(tables, hint, where).items():
         if environment not in environments:
             known = nearest(environment[:64], environments)
             raise where.at(environment).error(f"no environment; {known}")

@@ -1,13 +1,14 @@
 """What can be planned: every environment, learner and channel that stands in a file."""
 
+from collections.abc import Mapping
 from typing import Any
 
 from msgdrop_cli.algorithms.discovery import learners
 from msgdrop_cli.channels import kinds
 from msgdrop_cli.definition.catalogue import Catalogue, NamedAlgorithm, PaperSizes
-from msgdrop_cli.definition.paper import paper_sizes, sizes_in
+from msgdrop_cli.definition.paper import paper_sizes, sizes_in, sizes_of
 from msgdrop_cli.definition.spec import NAME
-from msgdrop_cli.definition.strict import Where
+from msgdrop_cli.definition.strict import Where, convert
 from msgdrop_cli.errors import DefinitionError
 from msgdrop_envs import registry
 
@@ -15,12 +16,18 @@ from msgdrop_envs import registry
 def catalogue() -> Catalogue:
     """All settings of the paper and all named algorithms, found by file.
 
-    Raises DefinitionError if a game that somebody else has installed cannot be used.
+    Of sizes the paper's count first, then a game's, then a learner's. Raises DefinitionError if a
+    game that somebody else has installed cannot be used, or sizes cannot be read.
     """
     modules = learners()
     environments, files = _games()
     configs = {name: module.Config for name, module in modules.items()}
     sizes: dict[tuple[str, str], PaperSizes] = {}
+    for name, module in modules.items():
+        place = Where(f"{name}.py").at("SIZES")
+        own = convert(getattr(module, "SIZES", {}), Mapping[str, Any], place)
+        by_both = {game: {name: tables} for game, tables in own.items()}
+        sizes |= sizes_of(by_both, place, environments, configs)
     for file, content in files.items():
         sizes |= sizes_in(content, Where(file), environments, configs)
     return Catalogue(

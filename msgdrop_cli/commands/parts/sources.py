@@ -6,8 +6,9 @@ Help, the TAB key and `explain` must not wait for torch, which the files of game
 import ast
 import re
 from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from importlib.util import find_spec
-from itertools import pairwise
+from itertools import zip_longest
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -78,13 +79,25 @@ def texts(package: str, pattern: str) -> dict[Path, str]:
 
 def entries(body: list[ast.stmt], table: str) -> Mapping[str, ast.expr]:
     """What a dictionary that is written down in a module or a class has under its texts."""
-    for node in body:
-        targets = [node.target] if isinstance(node, ast.AnnAssign) else getattr(node, "targets", [])
-        value = getattr(node, "value", None)
-        is_it = any(isinstance(each, ast.Name) and each.id == table for each in targets)
-        if is_it and isinstance(value, ast.Dict):
-            return _by_text(value)
+    written = _written(body, table)
+    return _by_text(written) if written else {}
+
+
+def tables(body: list[ast.stmt], name: str) -> Any:
+    """The value of a dictionary of plain values; nothing if it is not written down."""
+    with suppress(ValueError):
+        if written := _written(body, name):
+            return ast.literal_eval(written)
     return {}
+
+
+def defining(tree: ast.Module, name: str) -> ast.Module:
+    """The module that a class comes from: this one, or the one it is imported from."""
+    for node in tree.body:
+        if isinstance(node, ast.ImportFrom) and name in [each.name for each in node.names]:
+            package, _, file = str(node.module).rpartition(".")
+            return module(package, file).tree
+    return tree
 
 
 def classes(tree: ast.Module) -> Iterator[ast.ClassDef]:
@@ -99,17 +112,16 @@ def class_docstring(tree: ast.Module, name: str) -> str:
 
 
 def settings(tree: ast.Module, name: str) -> Iterator[Setting]:
-    """The fields of a dataclass that have a docstring below them."""
-    body = (each for found in classes(tree) if found.name == name for each in found.body)
-    for field, below in pairwise(body):
+    """The fields of a dataclass, each with the docstring below it."""
+    body = [each for found in classes(tree) if found.name == name for each in found.body]
+    for field, below in zip_longest(body, body[1:]):
         said = below.value if isinstance(below, ast.Expr) else None
-        is_field = isinstance(field, ast.AnnAssign) and "ClassVar" not in ast.unparse(field)
-        if isinstance(field, ast.AnnAssign) and is_field and isinstance(said, ast.Constant):
+        if isinstance(field, ast.AnnAssign) and "ClassVar" not in ast.unparse(field.annotation):
             yield Setting(
                 key=ast.unparse(field.target),
                 default=_default(field.value) if field.value else "",
                 choices=_choices(field.annotation),
-                said=" ".join(str(said.value).split()),
+                said=" ".join(str(said.value).split()) if isinstance(said, ast.Constant) else "",
             )
 
 
@@ -138,6 +150,16 @@ def notation(value: Any) -> str:
     if isinstance(value, list | tuple):
         return f"[{', '.join(map(notation, value))}]"
     return str(value)
+
+
+def _written(body: list[ast.stmt], table: str) -> ast.Dict | None:
+    for node in body:
+        targets = [node.target] if isinstance(node, ast.AnnAssign) else getattr(node, "targets", [])
+        value = getattr(node, "value", None)
+        is_it = any(isinstance(each, ast.Name) and each.id == table for each in targets)
+        if is_it and isinstance(value, ast.Dict):
+            return value
+    return None
 
 
 def _by_text(table: ast.Dict) -> dict[str, ast.expr]:

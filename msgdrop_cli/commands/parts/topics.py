@@ -3,6 +3,7 @@
 import ast
 import tomllib
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
 from itertools import chain
 from typing import NamedTuple
 
@@ -58,7 +59,7 @@ def topics() -> list[Topic]:
     """Everything, kind by kind."""
     learners, games = vocabulary.algorithms(), vocabulary.environments()
     sections = [vocabulary.training(), *learners, *games]
-    sizes, keys = list(_sizes(games)), list(question_keys())
+    sizes, keys = list(_sizes(learners, games)), list(question_keys())
     return [
         *chain.from_iterable(_algorithms(section, sizes) for section in learners),
         *chain.from_iterable(_games(section, sizes) for section in games),
@@ -161,22 +162,25 @@ def _key(key: Key) -> Topic:
     return Topic("key", key.paths, "in a question's file (msgdrop explain toml)", text)
 
 
-def _sizes(games: Sequence[Section]) -> Iterator[_Sizes]:
-    """The paper's, then those that games bring along; who trains is told what is wrong with one."""
+def _sizes(learners: Sequence[Section], games: Sequence[Section]) -> Iterator[_Sizes]:
+    """The paper's, then those of games, then of learners.
+
+    What is wrong with one is told who wants to train with it.
+    """
     theirs = (sources.texts(game.package, "sizes.toml").values() for game in games)
     for text in (shipped_file(PAPER).decode(), *chain.from_iterable(theirs)):
-        try:
-            tables = tomllib.loads(text)
-            for game, learners in tables.items():
-                for learner, found in learners.items():
-                    values = {
-                        f"{section}.{key}": notation(value)
-                        for section, table in found.items()
-                        for key, value in table.items()
-                    }
-                    yield _Sizes(game, learner, values)
-        except (ValueError, AttributeError):  # no TOML, or no tables
-            continue
+        with suppress(ValueError, AttributeError):  # no TOML, or no tables
+            for game, found in tomllib.loads(text).items():
+                yield from (_sized(game, learner, each) for learner, each in found.items())
+    for section in learners:
+        own = sources.tables(sources.module(section.package, section.module).tree.body, "SIZES")
+        with suppress(AttributeError):
+            yield from (_sized(game, section.module, each) for game, each in own.items())
+
+
+def _sized(game: str, learner: str, tables: Mapping[str, Mapping[str, object]]) -> _Sizes:
+    pairs = ((name, *pair) for name, table in tables.items() for pair in table.items())
+    return _Sizes(game, learner, {f"{name}.{key}": notation(value) for name, key, value in pairs})
 
 
 def _values(section: Section, changes: Mapping[str, str]) -> list[Fact]:

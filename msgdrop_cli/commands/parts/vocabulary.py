@@ -79,5 +79,6 @@ def _sections(name: str, package: str, table: str) -> Iterator[Section]:
         meanings = sources.entries(module.tree.body, table)
         named = [Named(known_as, sources.arguments(each)) for known_as, each in meanings.items()]
         if named:
-            settings = tuple(sources.settings(module.tree, "Config"))
+            home = sources.defining(module.tree, "Config")
+            settings = tuple(sources.settings(home, "Config"))
             yield Section(name, package, module.name, tuple(named), settings)
