@@ -135,10 +135,10 @@ def test_an_episode_has_its_own_numbers_when_others_have_ended() -> None:
     env = registry.make(registry.settings()["pursuit-n6"], "cpu")
     games = autoreset.start(env, torch.rand(1, 6, env.reset_uniforms), torch.zeros(1, 6).long())
     whole, ended = (Delivery(Channel.read("coin:0.5"), env, Streams([1]), 6) for _ in "ab")
-    whole(games, everybody)
-    ended(games, everybody)
-    expected = whole(games, everybody)
-    found = ended(autoreset.take(games, some), some)
+    whole(games, everybody, games.obs)
+    ended(games, everybody, games.obs)
+    expected = whole(games, everybody, games.obs)
+    found = ended(autoreset.take(games, some), some, games.obs[:, some])
     assert torch.equal(found.keep, expected.keep[:, some])
 
 

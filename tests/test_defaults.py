@@ -19,6 +19,7 @@ LEARNER: dict[str, Any] = {
     "drops_own": False,  # l. 173: not applied to the own observation
     "network": "fgh",  # l. 404
     "topology": "all",  # l. 149
+    "encoder": "observation",  # l. 289
     "f_units": (64, 48),  # l. 745
     "g_units": 96,  # l. 746
     "h_units": 32,  # l. 748

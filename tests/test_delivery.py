@@ -32,7 +32,9 @@ def played(text: str) -> list[tuple[autoreset.Games, Tensor, Received, Any]]:
     games = autoreset.start(ENV, uniforms, torch.zeros(1, EPISODES).long())
     playing, seen = torch.arange(EPISODES), []
     for step in range(STEPS):
-        seen.append((games, playing, delivery(games, playing), twin.arriving(games, playing)))
+        seen.append(
+            (games, playing, delivery(games, playing, games.obs), twin.arriving(games, playing))
+        )
         actions = torch.randint(5, (1, len(playing), AGENTS), generator=generator)
         numbers = torch.rand(1, len(playing), ENV.step_uniforms, generator=generator)
         games, _ = autoreset.play(ENV, games, actions, numbers)

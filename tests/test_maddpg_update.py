@@ -163,7 +163,7 @@ def test_update_equals_separate_modules(changes: dict[str, Any], shared: bool) -
             keep = torch.ones(AGENTS, SIZE, SENDERS)
             if learner.critic.hears:
                 keep = (uniforms[number].view(keep.shape) >= run.rate).float()
-            run.update(Batch(*(part[number] for part in batch)), keep)
+            run.update(Batch(*(part[number] for part in batch if part is not None)), keep)
     for run in plain:
         _check(learner.critics.online, run.numbers, run.critics)
         _check(learner.critics.target, run.numbers, run.target_critics)
@@ -180,7 +180,7 @@ def test_policy_gradient_equals_autograd(shared: bool) -> None:
     batch, uniforms = make_batch(), mask_uniforms(learner)
     learner.update(in_memory(batch), uniforms)
     keep = (uniforms.view(AGENTS, SIZE, SENDERS) >= 0.4).float()
-    plain.update(Batch(*(part[0] for part in batch)), keep)
+    plain.update(Batch(*(part[0] for part in batch if part is not None)), keep)
     gradient = learner.actors.adam.moments["exp_avg"]  # a tenth of it, after the first step
     for n, actor in enumerate(plain.actors):
         linears = [part for part in actor if isinstance(part, nn.Linear)]

@@ -128,6 +128,9 @@ LINES = {
     768: "decentralized actor in MADDPG is two MLP with 64 hidden units",
     770: "$f$ is 2 MLP with 200 hidden units and produces a 100-dimensional output",
     772: "all agents share the parameter of critic and actors",
+    786: "We compress each agent's observation using the traditional autoencoder",
+    787: "degrades the steady-state performance",
+    790: "147-dimensional observation is compressed to 32-dimensional message",
 }
 """Key words of each line that may be cited by itself."""
 

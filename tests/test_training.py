@@ -45,7 +45,7 @@ def _everything(training: Training, run: int) -> dict[str, Tensor]:
     return {
         **learner.tensors(run),
         **replay.stretch(run, oldest, replay.added),
-        "cut_episodes": replay.cut_episodes(run),
+        **replay.cut_episodes(run),
         "pursuers": state.pursuers[run],
         "evaders": state.evaders[run],
         "elapsed": training.games.elapsed[run],

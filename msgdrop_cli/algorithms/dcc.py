@@ -9,7 +9,8 @@ networks, each on a minibatch of its own. What tells them apart are values of th
 * Full MD and Full SD drop the own observation too (`drops_own`, l. 489);
 * Concat feeds everything to one perceptron (network "concat", l. 515).
 
-Letters: `R` runs, `E` games, `N` agents, `G = R*N`, `B` batch, `S` senders, `O` observation.
+Letters: `R` runs, `E` games, `N` agents, `G = R*N`, `B` batch, `S` senders, `O` observation, `M`
+message, `W` the wider of the two.
 """
 
 import math
@@ -22,15 +23,17 @@ from torch import Tensor, cat
 
 from msgdrop_cli.algorithms import cohort
 from msgdrop_cli.algorithms.adam import Adam
+from msgdrop_cli.algorithms.hearing import Encoding, heard, said
 from msgdrop_cli.errors import DefinitionError
 from msgdrop_cli.kernels.dcc import NAME, DCCKernel, serves
+from msgdrop_cli.messages.encoders import OBSERVATION, encoder_of
 from msgdrop_cli.messages.received import Received
-from msgdrop_cli.messages.topologies import Senders, check_topology, senders
+from msgdrop_cli.messages.topologies import check_topology
 from msgdrop_cli.networks.q_network import q_network
 from msgdrop_cli.networks.stacked import Network, Stacked, initialise, parameter_count
 from msgdrop_cli.ops.exploration import annealed_epsilon, epsilon_greedy
-from msgdrop_cli.ops.message_dropout import apply_keep, execution_scale, keep_mask
-from msgdrop_cli.ops.minibatch import Minibatch
+from msgdrop_cli.ops.message_dropout import execution_scale, inputs_of, keep_mask
+from msgdrop_cli.ops.minibatch import Blocks, Minibatch, seen_in_games
 from msgdrop_cli.ops.td import double_q_target, td_loss
 from msgdrop_envs.protocol import Environment
 
@@ -49,6 +52,8 @@ class Config:
     """The architecture: h(f, g) (l. 404), one perceptron on everything, or on the own only."""
     topology: str = field(default="all", metadata={"later": True})
     """Who hears whom: a file in `messages/topologies` (all: l. 149; limited pairs: l. 561)."""
+    encoder: str = field(default=OBSERVATION, metadata={"later": True})
+    """What is said: a file in `messages/encoders` (observation: l. 289; autoencoder: l. 786)."""
     f_units: tuple[int, int] = (64, 48)
     """Layers of f; also the first layers of FDC and Concat (l. 745, 750)."""
     g_units: int = 96
@@ -82,6 +87,7 @@ class Config:
 
     def __post_init__(self) -> None:
         check_topology(self.topology)
+        encoder_of(self.encoder)
         shares = ("epsilon_start", "epsilon_final")
         amounts, counts = ("epsilon_anneal_env_steps",), ("target_update_every_updates",)
         cohort.check_ranges(self, shares=shares, amounts=amounts, counts=counts)
@@ -113,6 +119,7 @@ class DCC:
             raise DefinitionError("dcc picks one of several actions; this environment has none")
         self._runs, self._agents = len(configs), env.agents
         self.network = network = _network(config, env)
+        self.encoding = Encoding(said(config), env.observation_size, self._runs, device)
         self.online, self.target = (
             Stacked(network.layers, self._runs * self._agents, device) for _ in range(2)
         )
@@ -124,14 +131,14 @@ class DCC:
         )
         self._parts = {"online": self.online, "target": self.target, **self.adam.moments}
         hears = network.hears
-        self.shown_agents = cohort.shown_agents(_heard(config, env), device)
+        self.shown_agents = cohort.shown_agents(heard(config, env.agents), device)
         self._links = links = cohort.links_heard(self.shown_agents)[None, None]  # [1, 1, N, S]
         self._shown_received = cohort.shown_received(links[0, 0])
         self.rate = torch.tensor([c.rate for c in configs], device=device)  # [R]
         scale = execution_scale(self.rate, hears, drops_own=config.drops_own)
         self.scale = scale.repeat_interleave(self._agents, 0)[:, None]  # [G, 1, 1+S, 1]
         dropped = 1 + hears if config.drops_own else hears
-        unit = env.observation_size if config.dropout == "element" else 1
+        unit = max(env.observation_size, self.encoding.width) if config.dropout == "element" else 1
         self._mask_shape = (self._agents, config.batch_size, dropped, unit)
         self.init_uniforms = self._agents * parameter_count(network.layers)
         self._keeps_own = scale.new_ones(len(self.scale), config.batch_size, 1, unit)
@@ -144,20 +151,20 @@ class DCC:
     def binary_mask(self, uniforms: Tensor) -> Tensor:
         """Generate b, which drops each message with probability `rate` (l. 217, 235-241).
 
-        uniforms: [R, update_uniforms]. Returns the keep mask [G, B, 1+S, 1 or O]: one for each
+        uniforms: [R, update_uniforms]. Returns the keep mask [G, B, 1+S, 1 or W]: one for each
         sample, agent and sender; the own observation is kept, unless `drops_own`.
         """
         keep = keep_mask(uniforms.view(len(uniforms), *self._mask_shape), self.rate).flatten(0, 1)
         return keep if self.config.drops_own else cat((self._keeps_own, keep), 2)
 
     def minimise(self, minibatch: Minibatch, keep: Tensor, step: int) -> tuple[Tensor, Tensor]:
-        """Minimise DCC-MD's loss (label eq:5) by one step of Adam; keep [G, B, 1+S, 1 or O].
+        """Minimise DCC-MD's loss (label eq:5) by one step of Adam; keep [G, B, 1+S, 1 or W].
 
         Returns the losses [G, B] and Q of the online networks [G, 2B, A] before the step.
         """
         with self.adam.descent() as theta:
             batch = minibatch.copied()
-            om, next_om = batch.obs.split(self.config.batch_size, 1)  # (o, m), (o', m')
+            om, next_om = batch.seen()  # (o, m), (o', m')
             q = self.q(theta, om, keep)  # Q(o, m~; theta)
             with torch.no_grad():
                 q_exec = self.q(self.online, next_om, self.scale)  # Q_exec(o', m'; theta)
@@ -169,17 +176,19 @@ class DCC:
             loss.mean(1).sum().backward()
         return loss.detach(), cat((q.detach(), q_exec), 1)
 
-    def q(self, weights: Stacked, om: Tensor, factor: Tensor) -> Tensor:
-        """Q [G, B, A] of own observations and messages [G, B, 1+S, O] times factors of them."""
-        return self.network.forward(weights, apply_keep(om, factor).flatten(2))
+    def q(self, weights: Stacked, om: Blocks, factor: Tensor) -> Tensor:
+        """Q [G, B, A] of observations and messages times factors of them [G, B, 1+S, 1 or W]."""
+        return self.network.forward(weights, inputs_of(om, factor))
 
-    def q_values(self, obs: Tensor, factor: Tensor, shown: Tensor) -> Tensor:
+    def q_values(
+        self, obs: Tensor, messages: Tensor | None, factor: Tensor, shown: Tensor
+    ) -> Tensor:
         """Q of the online networks [G, E, A]; obs [R, E, K, O], factor [G, E, 1+S, 1].
 
-        shown: [N, 1+S], which of the K observations are agent i's own and its messages.
+        messages: [R, E, K, M]; None: the observations. shown: [N, 1+S], which of the K are agent
+        i's own and its messages.
         """
-        om = obs[:, :, shown].transpose(1, 2).flatten(0, 1)  # [G, E, 1+S, O]
-        return self.q(self.online, om, factor)
+        return self.q(self.online, seen_in_games(obs, messages, shown), factor)
 
     # What the engine asks for.
 
@@ -193,6 +202,7 @@ class DCC:
             self.shown_agents,
             self.scale,
             observation=env.observation_size,
+            message=self.encoding.width if self.encoding.apart else None,
             dtype=env.observation_dtype,
             batch_size=config.batch_size,
             learning_rate=config.learning_rate,
@@ -205,7 +215,8 @@ class DCC:
         """What computes it: `kernels/dcc.c`, which knows no subclass's rule, or torch."""
         network, clips = _network(config, env), config.max_gradient_norm > 0
         inputs = (env.observation_size, env.observation_dtype)
-        known = cls is DCC and serves(network.layers, *inputs, clips=clips, device=device)
+        apart = said(config) != OBSERVATION
+        known = cls is DCC and serves(network.layers, *inputs, apart, clips=clips, device=device)
         return NAME if known else cohort.TORCH
 
     def initialise(self, uniforms: Tensor) -> None:
@@ -226,25 +237,22 @@ class DCC:
         return epsilon_greedy(self.q_exec(obs), uniforms, self.epsilon(env_steps))
 
     def act_greedily(self, obs: Tensor, received: Received | None = None) -> Tensor:
-        """The policy pi: argmax of Q_exec (label eq:policy). obs [R, E, N, O].
-
-        A message that does not arrive is a zero vector (l. 525). Returns [R, E, N].
-        """
+        """The policy pi: argmax of Q_exec (label eq:policy), [R, E, N]; obs [R, E, N, O]."""
         return self.q_exec(obs, received).argmax(-1)
 
     def q_exec(self, obs: Tensor, received: Received | None = None) -> Tensor:
         """Q_exec of the online networks: all messages, scaled by 1 - rate (l. 248): [R, E, N, A].
 
-        obs: [R, E, N, O]; received: what arrives, None if it is everything that is said.
+        obs: [R, E, N, O]; received: what arrives, None if it is everything; nothing is 0 (l. 525).
         """
-        (runs, games), shown = obs.shape[:2], self.shown_agents
-        factor, computes = self.scale.expand(-1, games, -1, -1), self._computes
+        (runs, games), shown, computes = obs.shape[:2], self.shown_agents, self._computes
+        factor, old = self.scale.expand(-1, games, -1, -1), None
         if received is not None:
-            factor = received.factors(self.scale, self._links)
-            if (messages := received.messages) is not None:  # they lie behind the observations
-                computes = computes if messages.dtype == obs.dtype else self
-                obs, shown = cat((obs, messages.flatten(2, 3)), 2), self._shown_received
-        q = computes.q_values(obs, factor, shown)  # [G, E, A]
+            factor, old = received.factors(self.scale, self._links), received.messages
+        if old is not None:
+            shown = self._shown_received
+            computes = self if self.encoding.turned_to_numbers(obs, old) else computes
+        q = computes.q_values(*self.encoding.with_messages(obs, old), factor, shown)  # [G, E, A]
         return q.view(runs, self._agents, games, -1).transpose(1, 2)
 
     def update(self, minibatch: Minibatch, uniforms: Tensor) -> None:
@@ -267,11 +275,12 @@ class DCC:
     def tensors(self, run: int) -> dict[str, Tensor]:
         """Online and target weights and Adam's moments of one run, as views."""
         found = cohort.tensors_of(self._parts, run * self._agents, (run + 1) * self._agents)
-        return {**found, "metric_sums": self._means.sums[:, run]}
+        return {**found, **self.encoding.tensors(run), "metric_sums": self._means.sums[:, run]}
 
     def policy(self, run: int) -> dict[str, Tensor]:
         """The online weights of one run, as views: [N, inputs, outputs] and [N, 1, outputs]."""
-        return self.online.of_networks(run * self._agents, (run + 1) * self._agents)
+        online = self.online.of_networks(run * self._agents, (run + 1) * self._agents)
+        return {**online, **self.encoding.tensors(run)}
 
     @property
     def progress(self) -> tuple[int, int]:
@@ -284,11 +293,7 @@ class DCC:
         self.adam.resume_at(self.updates)
 
 
-def _heard(c: Config, env: Environment) -> Senders:
-    """Whom each agent hears, [N, S]; nobody, if its network sees its own observation only."""
-    return [[]] * env.agents if c.network == "own" else senders(c.topology, env.agents)
-
-
 def _network(c: Config, env: Environment) -> Network:
-    sizes = (env.observation_size, len(_heard(c, env)[0]), env.actions)
+    observation, senders = env.observation_size, len(heard(c, env.agents)[0])
+    sizes = (observation, encoder_of(said(c)).width(observation), senders, env.actions)
     return q_network(c.network, *sizes, c.f_units, c.g_units, c.h_units)

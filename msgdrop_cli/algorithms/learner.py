@@ -5,6 +5,7 @@ from typing import Any, Protocol
 
 from torch import Tensor
 
+from msgdrop_cli.algorithms.hearing import Encoding
 from msgdrop_cli.messages.received import Received
 from msgdrop_cli.ops.minibatch import Minibatch
 
@@ -40,6 +41,8 @@ class Learner(Protocol):
     """Whether all agents of a run learn from the same joint transitions (see `Minibatch`)."""
     shown_agents: Tensor
     """[N, 1+S] int64: whom agent i is shown, itself first, then the senders in increasing order."""
+    encoding: Encoding
+    """What the agents say of what they see."""
     init_uniforms: int
     """Uniform numbers that the initial weights of one run take."""
     act_uniforms: int

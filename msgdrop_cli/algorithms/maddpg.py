@@ -21,9 +21,11 @@ import torch
 from torch import Tensor
 
 from msgdrop_cli.algorithms import cohort
+from msgdrop_cli.algorithms.hearing import Encoding
 from msgdrop_cli.algorithms.soft_target import SoftTarget
 from msgdrop_cli.errors import DefinitionError
 from msgdrop_cli.kernels.maddpg import NAME, MADDPGKernel, serves
+from msgdrop_cli.messages.encoders import OBSERVATION
 from msgdrop_cli.messages.received import Received
 from msgdrop_cli.messages.topologies.all import senders as all_others
 from msgdrop_cli.networks.critic import Critic, critic_of
@@ -108,6 +110,7 @@ class MADDPG:
         if env.action_size == 0:
             raise DefinitionError("maddpg acts by numbers; this environment has single actions")
         self._runs, self._agents, self._size = len(configs), env.agents, config.batch_size
+        self.encoding = Encoding(OBSERVATION, env.observation_size, self._runs, device)
         self._networks_each = 1 if config.shares_parameters else env.agents
         self.actor, self.critic = _networks(config, env)
         settings = (config.learning_rate, config.max_gradient_norm, config.tau, device)

@@ -265,8 +265,7 @@ def state_of(training: Training, run: int) -> dict[str, Tensor]:
         state[f"state.{field.name}"] = getattr(games.state, field.name)[run]
     state["elapsed"], state["obs"] = games.elapsed[run], games.obs[run]
     state["sums"] = training.sums[:, run]
-    state["cut_episodes"] = training.replay.cut_episodes(run)
-    return state
+    return state | training.replay.cut_episodes(run)
 
 
 def _steps(segment: str) -> tuple[int, int]:

@@ -77,16 +77,16 @@ class Delivery:
         if self._filled is not None:
             self._filled.keep_only(kept)
 
-    def __call__(self, games: Games, playing: Tensor) -> Received:
-        """What the receivers make of it; the messages are what the agents see."""
+    def __call__(self, games: Games, playing: Tensor, said: Tensor) -> Received:
+        """What the receivers make of it; said: [1, P, N, M], what the agents say in this step."""
         found = self.arriving(games, playing)
         keep = (found.age != LOST).float()
         plain = found.speaker is None and found.game is None and self._channel.missing == "zero"
-        altered = self._kind.message_uniforms(games.obs.shape[-1]) > 0
+        altered = self._kind.message_uniforms(said.shape[-1]) > 0
         scale = self._channel.scale
         if plain and not altered and self._kind.oldest == 0:
             return Received(keep, scale=scale)  # type: ignore[arg-type]
-        messages = self._messages(games.obs[0], found)
+        messages = self._messages(said[0], found)
         if self._channel.missing != "zero":
             if self._filled is None:
                 self._filled = _Filled(self._channel.hold, messages)

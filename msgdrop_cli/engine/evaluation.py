@@ -52,7 +52,10 @@ def evaluate(
     delivery = Delivery(channel, env, streams, episodes, lost)
 
     def act(games: autoreset.Games, playing: Tensor) -> Tensor:
-        received = None if channel == NONE_BROKEN else delivery(games, playing)
+        if channel == NONE_BROKEN:
+            return learner.act_greedily(games.obs)
+        message = learner.encoding.message(games.obs)
+        received = delivery(games, playing, games.obs if message is None else message)
         return learner.act_greedily(games.obs, received)
 
     table = play_episodes(env, act, streams, episodes, stop)

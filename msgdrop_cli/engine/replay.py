@@ -5,14 +5,16 @@ observations, from which o and m are put together when sampled. Each agent draws
 minibatch, which is the same as N separate memories. The next observation is not stored again: a
 transition knows the row where it stands, as a rule the game's next one. Where the time limit cut
 the episode, the last observation stands in an extra row (at most one for every `time_limit`
-steps); at a true end the discount is 0 and any row will do.
+steps); at a true end the discount is 0 and any row will do. Messages that are no observations are
+stored beside them, row by row.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 
 import torch
 from torch import Tensor
 
+from msgdrop_cli.algorithms.hearing import Encoding
 from msgdrop_cli.engine import pages
 from msgdrop_cli.ops.minibatch import Minibatch
 from msgdrop_envs import waiting
@@ -33,6 +35,7 @@ class Replay:
         capacity: int,
         time_limit: int,
         action_size: int = 0,
+        encoding: Encoding | None = None,
         device: torch.device | str = "cpu",
     ) -> None:
         self.games, self.agents, self.time_limit = games, agents, time_limit
@@ -46,6 +49,11 @@ class Replay:
         # The last rows: the ends of cut episodes, then one for what nobody needs.
         shape = (runs, rows + self._ends * games + 1, agents, observation)
         self.obs = pages.zeros(*shape, dtype=dtype, device=device)
+        self._encoding = encoding
+        self.messages: Tensor | None = None
+        if encoding is not None and encoding.apart:
+            size = (*shape[:3], encoding.width)
+            self.messages = pages.zeros(*size, dtype=torch.float32, device=device)
         self.action = (
             torch.zeros(runs, rows, agents, action_size, device=device)
             if action_size
@@ -70,7 +78,8 @@ class Replay:
 
     def begin(self, obs: Tensor) -> None:
         """Store what the agents see before their first action: [R, E, N, O]."""
-        self.obs[:, : self.games] = obs
+        for memory, seen in self._pairs(obs):
+            memory[:, : self.games] = seen
 
     def add(self, actions: Tensor, transition: Transition, next_obs: Tensor) -> None:
         """Store one step of every game.
@@ -84,13 +93,15 @@ class Replay:
         self.action[:, here] = actions.to(self.action.dtype)
         self.reward[:, here] = transition.reward
         self.discount[:, here] = transition.discount
-        self.obs[:, there] = next_obs
+        for memory, seen in self._pairs(next_obs):
+            memory[:, there] = seen
         cut = transition.ended & (transition.discount > 0)  # [R, E]
         if not waiting.can_ask(cut) or cut.any():  # a shortcut, never another result
             end = self._end_rows(now)
             spare = self.obs.shape[1] - 1
             target = torch.where(cut, end, spare) + self._first_obs_row  # [R, E]
-            self.obs.flatten(0, 1)[target.flatten()] = transition.obs.flatten(0, 1)
+            for memory, seen in self._pairs(transition.obs):
+                memory.flatten(0, 1)[target.flatten()] = seen.flatten(0, 1)
             next_row = torch.where(cut, end, next_row)
         self.next_row[:, here] = next_row.int()
         self.added += 1
@@ -117,6 +128,7 @@ class Replay:
             discount=self.discount,
             rows=rows.contiguous(),
             shown=shown,
+            messages=self.messages,
         )
 
     def stretch(self, run: int, first: int, last: int) -> dict[str, Tensor]:
@@ -132,11 +144,23 @@ class Replay:
 
     def put(self, run: int, obs: Tensor) -> None:
         """Store what the agents of one run see now, before they act: [E, N, O]."""
-        self.obs[run, self._rows(self.added)] = obs
+        for memory, seen in self._pairs(obs.expand(len(self.obs), *obs.shape)):
+            memory[run, self._rows(self.added)] = seen[run]
 
-    def cut_episodes(self, run: int) -> Tensor:
-        """The last observations of cut episodes of one run, a view: [rows, N, O]."""
-        return self.obs[run, self.slots * self.games : -1]
+    def cut_episodes(self, run: int) -> dict[str, Tensor]:
+        """What is stored of the ends of cut episodes of one run, as views: [rows, N, ...]."""
+        ends = slice(self.slots * self.games, -1)
+        found = {"cut_episodes": self.obs[run, ends]}
+        return (
+            found if self.messages is None else {**found, "cut_messages": self.messages[run, ends]}
+        )
+
+    def _pairs(self, obs: Tensor) -> Iterator[tuple[Tensor, Tensor]]:
+        """Memories, and what belongs there when the agents see obs [R, E, N, O]."""
+        yield self.obs, obs
+        said = self._encoding.message(obs) if self._encoding else None
+        if self.messages is not None and said is not None:
+            yield self.messages, said
 
     def _rings(self, run: int) -> dict[str, Tensor]:
         """Views of one run's memories by slot: [slots, E, ...]."""
@@ -148,6 +172,8 @@ class Replay:
             "discount": self.discount[run],
             "next_row": self.next_row[run],
         }
+        if self.messages is not None:
+            rings["messages"] = self.messages[run, :rows]
         return {name: ring.unflatten(0, (self.slots, self.games)) for name, ring in rings.items()}
 
     def _slots(self, first: int, last: int) -> Tensor:

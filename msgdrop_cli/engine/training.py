@@ -37,6 +37,7 @@ class Training:
             capacity=config.replay_capacity,
             time_limit=self.env.time_limit,
             action_size=self.env.action_size,
+            encoding=self.learner.encoding,
             device=device,
         )
         self.env_steps = 0

@@ -5,7 +5,7 @@
  * networks: FDC's and Concat's perceptron is f and h, and its g sees no block. Widths are multiples
  * of LANES.
  *
- * A first layer over bytes goes block by block, so that a block's weights stay in the nearest
+ * A first layer over listed blocks goes block by block, so that a block's weights stay in the nearest
  * caches; their gradient is made and used up block by block, too.
  */
 #include "dcc.h"
@@ -16,8 +16,8 @@
 static void forward_first(const Work *w, Dense d, int64_t j0, int64_t j1, int64_t first,
                           int64_t rows, Matrix x, Matrix out)
 {
-    if (!w->net->bytes) {
-        forward_dense(d, (Matrix){x.at + j0 * w->net->units, x.row}, rows, RELU, out);
+    if (j0 >= listed(w->net)) {
+        forward_dense(d, (Matrix){x.at + place_in_x(w->net, j0), x.row}, rows, RELU, out);
         return;
     }
     for (int64_t b = 0; b < rows; b++)
@@ -100,9 +100,9 @@ static void step_dense(const Work *w, const Rule *r, const Parameters *p, const 
 static void step_first(const Work *w, const Rule *r, const Parameters *p, const Layer *l,
                        int64_t j0, int64_t j1, Matrix grad_out)
 {
-    if (!w->net->bytes) {
+    if (j0 >= listed(w->net)) {
         const Matrix x = w->online.x;
-        step_dense(w, r, p, l, (Matrix){x.at + j0 * w->net->units, x.row}, grad_out);
+        step_dense(w, r, p, l, (Matrix){x.at + place_in_x(w->net, j0), x.row}, grad_out);
         return;
     }
     const int64_t block = w->net->units * l->outputs;
@@ -172,10 +172,8 @@ void dcc_q_values(const Net *n, const Parameters *p, const Memory *m, const Fact
             const int64_t count = rows - first < chunk ? rows - first : chunk;
             w.scale = own_factors(scale, w.g, first);
             for (int64_t b = 0; b < count; b++) w.row[b] = w.g / m->agents * rows + first + b;
-            if (n->bytes)
-                list_inputs(&w, count);
-            else
-                multiply_inputs(&w, 0, count, w.online.x.at);
+            list_inputs(&w, count);
+            multiply_inputs(&w, 0, count, w.online.x.at);
             forward(&w, p->weights, 0, count, &w.online);
             for (int64_t i = 0; i < count; i++, q += n->h2.outputs)
                 memcpy(q, w.online.q.at + i * LANES, (size_t)n->h2.outputs * sizeof(float));
@@ -199,12 +197,9 @@ void dcc_update(const Net *n, const Parameters *p, const Memory *m, const Factor
             w.row[b] = run * m->obs_rows + row;
             w.row[size + b] = run * m->obs_rows + m->next_row[run * m->run_rows + row];
         }
-        if (n->bytes) {
-            list_inputs(&w, 2 * size);
-        } else {
-            multiply_inputs(&w, 0, 2 * size, w.online.x.at);
-            multiply_inputs(&w, size, size, w.target.x.at);
-        }
+        list_inputs(&w, 2 * size);
+        multiply_inputs(&w, 0, 2 * size, w.online.x.at);
+        multiply_inputs(&w, size, size, w.target.x.at);
         forward(&w, p->weights, 0, 2 * size, &w.online);
         forward(&w, p->target, size, size, &w.target); /* the same mask */
         loss_gradient(&w, r, outcome->loss + w.g * size);
@@ -217,10 +212,11 @@ void dcc_update(const Net *n, const Parameters *p, const Memory *m, const Factor
 const Field dcc_fields[] = {
     SHARED_FIELDS,
     STRUCT(Net), FIELD(Net, networks), FIELD(Net, blocks), FIELD(Net, own_blocks),
-    FIELD(Net, units), FIELD(Net, bytes), FIELD(Net, f1), FIELD(Net, f2), FIELD(Net, g1), FIELD(Net, h1), FIELD(Net, h2),
+    FIELD(Net, units), FIELD(Net, message), FIELD(Net, bytes), FIELD(Net, apart),
+    FIELD(Net, f1), FIELD(Net, f2), FIELD(Net, g1), FIELD(Net, h1), FIELD(Net, h2),
     STRUCT(Memory), FIELD(Memory, obs), FIELD(Memory, next_row), FIELD(Memory, action),
     FIELD(Memory, reward), FIELD(Memory, discount), FIELD(Memory, rows), FIELD(Memory, shown),
-    FIELD(Memory, agents), FIELD(Memory, obs_blocks), FIELD(Memory, obs_rows),
+    FIELD(Memory, messages), FIELD(Memory, agents), FIELD(Memory, obs_blocks), FIELD(Memory, obs_rows),
     FIELD(Memory, run_rows),
     STRUCT(Factors), FIELD(Factors, values), FIELD(Factors, network), FIELD(Factors, row),
     FIELD(Factors, block), FIELD(Factors, unit),

@@ -1,7 +1,8 @@
 /* What dcc.c works on: shapes, memories, buffers, and the inputs.
  *
- * Letters: G networks, B samples, `rows` samples of a pass; `blocks` of `units` numbers: the own
- * observation, then messages.
+ * Letters: G networks, B samples, `rows` samples of a pass; `blocks`: the own observation of
+ * `units` numbers, then messages of `message` numbers: others' observations, unless they lie
+ * `apart`. What is not 0 in blocks of bytes is listed; the other blocks are multiplied out.
  */
 #pragma once
 #include "layers.h"
@@ -10,7 +11,7 @@
 enum { AHEAD = 4 };
 
 typedef struct {
-    int64_t networks, blocks, own_blocks, units, bytes;
+    int64_t networks, blocks, own_blocks, units, message, bytes, apart;
     Layer f1, f2, g1, h1, h2;
 } Net;
 typedef struct { /* memories of runs, of `agents` networks each; Drawn in protocol.py */
@@ -19,6 +20,7 @@ typedef struct { /* memories of runs, of `agents` networks each; Drawn in protoc
     const uint8_t *action;
     const float *reward, *discount;
     const int64_t *rows, *shown;              /* rows NULL: all of a run's observations in order */
+    const float *messages;                    /* NULL: the observations */
     int64_t agents, obs_blocks, obs_rows, run_rows; /* blocks in a row of obs; rows of a run */
 } Memory;
 typedef struct { /* of the inputs, [G, rows, blocks, 1 or units], and the strides */
@@ -38,27 +40,45 @@ typedef struct {
     Matrix grad_q, grad_h1, grad_joint, grad_f1;
     float *padded, *gradient, *turned;
     int64_t *row;   /* [rows] of obs */
-    int32_t *start; /* [rows, blocks + 1]: a block's first entry of the list */
+    int32_t *start; /* [rows, listed + 1]: a block's first entry of the list */
     List list;
 } Work;
 
 /* The inputs. */
 
+/* The first blocks, as many as are listed. */
+static int64_t listed(const Net *n) { return !n->bytes ? 0 : n->apart ? 1 : n->blocks; }
+
+/* The numbers of all blocks before block j. */
+static int64_t units_before(const Net *n, int64_t j)
+{
+    return j == 0 ? 0 : n->units + (j - 1) * n->message;
+}
+
+/* Where block j stands in a row of x, which begins after the listed ones. */
+static int64_t place_in_x(const Net *n, int64_t j)
+{
+    return units_before(n, j) - units_before(n, listed(n));
+}
+
 static const void *block_at(const Work *w, int64_t b, int64_t j)
 {
     const Memory *m = w->memory;
     const int64_t shown = m->shown[w->g % m->agents * w->net->blocks + j];
-    const int64_t at = (w->row[b] * m->obs_blocks + shown) * w->net->units;
+    const int64_t block = w->row[b] * m->obs_blocks + shown;
+    if (w->net->apart && j > 0) return m->messages + block * w->net->message;
+    const int64_t at = block * w->net->units;
     return (const char *)m->obs + at * (w->net->bytes ? 1 : (int64_t)sizeof(float));
 }
 
 static void list_inputs(const Work *w, int64_t rows)
 {
     const Net *n = w->net;
+    const int64_t blocks = listed(n);
     int64_t found = 0;
     int32_t *start = w->start;
     for (int64_t b = 0; b < rows; b++) {
-        for (int64_t j = 0; j < n->blocks; j++) {
+        for (int64_t j = 0; j < blocks; j++) {
             *start++ = (int32_t)found;
             if (b + AHEAD < rows) { /* rows lie anywhere in memory: ask for them early */
                 const char *later = block_at(w, b + AHEAD, j);
@@ -85,25 +105,27 @@ static Factor factor_of(const Work *w, int64_t b, int64_t j)
     return (Factor){f->values + row * f->row + j * f->block, f->unit};
 }
 
-/* x [rows, blocks * units] = the observations of rows `first` on times the factors from row 0 on */
+/* x [rows, units of the blocks that are not listed] = those of rows `first` on times the factors
+ * from row 0 on */
 static void multiply_inputs(const Work *w, int64_t first, int64_t rows, float *x)
 {
     const Net *n = w->net;
     for (int64_t b = 0; b < rows; b++)
-        for (int64_t j = 0; j < n->blocks; j++) {
+        for (int64_t j = listed(n); j < n->blocks; j++) {
             const float *from = block_at(w, first + b, j);
             const Factor f = factor_of(w, b, j);
+            const int64_t units = j == 0 ? n->units : n->message;
             if (f.step == 0)
-                for (int64_t k = 0; k < n->units; k++) *x++ = from[k] * f.of[0];
+                for (int64_t k = 0; k < units; k++) *x++ = from[k] * f.of[0];
             else
-                for (int64_t k = 0; k < n->units; k++) *x++ = from[k] * f.of[k];
+                for (int64_t k = 0; k < units; k++) *x++ = from[k] * f.of[k];
         }
 }
 
 /* The entries of row b's block j that are not dropped; f: its factors. */
 static Row entries(const Work *w, int64_t b, int64_t j, Factor f)
 {
-    const int32_t *start = w->start + b * (w->net->blocks + 1) + j;
+    const int32_t *start = w->start + b * (listed(w->net) + 1) + j;
     if (f.step == 0 && f.of[0] == 0.0f) return (Row){0}; /* a dropped message */
     return row_of(w->list, start[0], start[1]);
 }
@@ -118,18 +140,20 @@ static Matrix taken(Arena *a, int64_t rows, int64_t units)
 /* Puts the buffers for `rows` rows into `memory`; returns the bytes that they take. */
 static int64_t lay_out(const Net *n, int64_t rows, char *memory, Work *w)
 {
-    const int64_t inputs = n->blocks * n->units, entries = n->bytes ? rows * inputs + SPARE : 0;
+    const int64_t inputs = place_in_x(n, n->blocks), blocks = listed(n);
+    const int64_t entries = blocks ? rows * blocks * n->units + SPARE : 0;
     const int64_t f1 = n->f1.outputs, joint = n->h1.inputs, h = n->h1.outputs;
     Arena a = {memory, 0};
     int64_t most = LANES * h;
     const Layer *layers[4] = {&n->f1, &n->f2, &n->g1, &n->h1}; /* of bytes: a block at a time */
     for (int i = 0; i < 4; i++) {
-        const int64_t seen = n->bytes && i % 2 == 0 ? n->units : layers[i]->inputs;
+        const int64_t sees_list = i == 0 ? blocks > 0 : i == 2 && blocks > 1;
+        const int64_t seen = sees_list ? n->units : layers[i]->inputs;
         if (seen * layers[i]->outputs > most) most = seen * layers[i]->outputs;
     }
     Pass *passes[2] = {&w->online, &w->target};
     for (int i = 0; i < 2; i++) {
-        passes[i]->x = taken(&a, n->bytes ? 0 : rows, inputs);
+        passes[i]->x = taken(&a, rows, inputs);
         passes[i]->f1 = taken(&a, rows, f1);
         passes[i]->joint = taken(&a, rows, joint);
         passes[i]->h1 = taken(&a, rows, h);
@@ -143,7 +167,7 @@ static int64_t lay_out(const Net *n, int64_t rows, char *memory, Work *w)
     w->gradient = floats(&a, most);
     w->turned = floats(&a, most);
     w->row = take(&a, rows * (int64_t)sizeof(int64_t));
-    w->start = take(&a, rows * (n->blocks + 1) * (int64_t)sizeof(int32_t));
+    w->start = take(&a, rows * (blocks + 1) * (int64_t)sizeof(int32_t));
     w->list.unit = take(&a, entries * (int64_t)sizeof(uint16_t));
     w->list.value = floats(&a, entries);
     return a.taken;

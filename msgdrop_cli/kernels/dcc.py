@@ -5,6 +5,7 @@ from ctypes import Structure, byref, c_int64, c_void_p
 
 import torch
 from torch import Tensor
+from torch.nn.functional import pad
 
 from msgdrop_cli.kernels.build import library
 from msgdrop_cli.kernels.structs import (
@@ -32,14 +33,18 @@ def serves(
     layers: Layers,
     observation: int,
     dtype: torch.dtype,
+    apart: bool,
     *,
     clips: bool,
     device: torch.device | str,
 ) -> bool:
     """Whether dcc.c was written for such networks, inputs and settings, and is there.
 
+    apart: whether messages are other numbers than observations.
+
     Every width must be a multiple of LANES, and there must be no more actions. A clipped gradient
-    has to be known as a whole before the step, which is not how the file works.
+    has to be known as a whole before the step, which is not how the file works. Bytes are listed
+    and numbers are multiplied, so no layer may see bytes and messages that are numbers.
     """
     *hidden, actions = (outputs for _, outputs in layers.values())
     known = (
@@ -47,6 +52,7 @@ def serves(
         and dtype in (torch.uint8, torch.float32)
         and all(width % LANES == 0 for width in hidden)
         and actions <= LANES
+        and not (apart and dtype == torch.uint8 and "g1" not in layers)
         and observation < 2**16  # nonzeros.h numbers a block's inputs in two bytes
         and not clips
     )
@@ -63,6 +69,7 @@ class DCCKernel:
         scale: Tensor,
         *,
         observation: int,
+        message: int | None,
         dtype: torch.dtype,
         batch_size: int,
         learning_rate: float,
@@ -71,7 +78,8 @@ class DCCKernel:
     ) -> None:
         """parts: online, target, exp_avg, exp_avg_sq; shown [N, 1+S]; scale [G, 1, 1+S, 1].
 
-        shown: whom agent i is shown; scale: the factors of Q_exec.
+        shown: whom agent i is shown; scale: the factors of Q_exec; message: the numbers of one
+        that is stored beside the observations, None if these are the messages.
         """
         functions = library()
         assert functions is not None
@@ -84,16 +92,17 @@ class DCCKernel:
         online = parts["online"]
         found = list(layers(online).values())  # f1, f2, g1, h1, h2; a perceptron has no g
         found = found if len(found) == 5 else [*found[:2], Layer(), *found[2:]]
-        own_blocks, blocks = found[0].inputs // observation, shown.shape[1]
-        sizes = (online.networks, blocks, own_blocks, observation)
-        self._net = DCCNet(*sizes, dtype == torch.uint8, *found)
+        blocks = shown.shape[1]
+        own_blocks = blocks if not found[2].outputs else 1
+        sizes = (online.networks, blocks, own_blocks, observation, message or observation)
+        self._net = DCCNet(*sizes, dtype == torch.uint8, message is not None, *found)
         self._loss = torch.zeros(online.networks, batch_size)
         self._q = torch.zeros(online.networks, 2 * batch_size, found[-1].outputs)
         self._outcome = outcome(self._loss, self._q)
         self._scratch: dict[int, Tensor] = {}
 
     def minimise(self, minibatch: Minibatch, keep: Tensor, step: int) -> tuple[Tensor, Tensor]:
-        """Adam's `step`-th step, from 1; keep [G, B, 1+S, 1 or O].
+        """Adam's `step`-th step, from 1; keep [G, B, 1+S, 1 or W].
 
         Returns the losses [G, B] and Q of the online networks [G, 2B, A], kept until the next call.
         """
@@ -112,15 +121,22 @@ class DCCKernel:
         )
         return self._loss, self._q
 
-    def q_values(self, obs: Tensor, factor: Tensor, shown: Tensor) -> Tensor:
-        """Q of the online networks, [G, E, A]; obs [R, E, K, O], factor [G, E, 1+S, 1 or O].
+    def q_values(
+        self, obs: Tensor, messages: Tensor | None, factor: Tensor, shown: Tensor
+    ) -> Tensor:
+        """Q of the online networks, [G, E, A]; obs [R, E, K, O], factor [G, E, 1+S, 1].
 
-        shown: [N, 1+S], which of the K observations are agent i's own and its messages.
+        messages: [R, E, K, M]; None: the observations. shown: [N, 1+S], which of the K are agent
+        i's own and its messages.
         """
-        rows, obs = obs.shape[1], obs.to(self._dtype).contiguous()
+        rows, blocks = obs.shape[1], (obs if messages is None else messages).shape[2]
+        # Where only messages are old ones, there are more of them than of observations.
+        obs = pad(obs.to(self._dtype), (0, 0, 0, blocks - obs.shape[2])).contiguous()
         q = torch.empty(self._q.shape[0], rows, self._q.shape[2])
         memory = DCCMemory(obs=pointer(obs), shown=pointer(shown))
-        memory.agents, memory.obs_blocks = len(shown), obs.shape[2]
+        if messages is not None:
+            memory.messages = pointer(messages)
+        memory.agents, memory.obs_blocks = len(shown), blocks
         self._functions.dcc_q_values(
             byref(self._net),
             byref(self._parameters),
@@ -150,5 +166,6 @@ def _factors(factor: Tensor) -> Structure:
 
 def _memory(m: Minibatch) -> Structure:
     parts = (m.obs, m.next_row, m.action, m.reward, m.discount, m.rows, m.shown)
+    messages = None if m.messages is None else pointer(m.messages)
     sizes = (len(m.shown), m.obs.shape[2], m.obs.shape[1], m.discount.shape[1])
-    return DCCMemory(*map(pointer, parts), *sizes)
+    return DCCMemory(*map(pointer, parts), messages, *sizes)

@@ -44,12 +44,12 @@ Outcome = _structure("Outcome", **_each(c_void_p, "loss q"))
 
 DCCNet = _structure(
     "Net",
-    **_each(c_int64, "networks blocks own_blocks units bytes"),
+    **_each(c_int64, "networks blocks own_blocks units message bytes apart"),
     **_each(Layer, "f1 f2 g1 h1 h2"),
 )
 DCCMemory = _structure(
     "Memory",
-    **_each(c_void_p, "obs next_row action reward discount rows shown"),
+    **_each(c_void_p, "obs next_row action reward discount rows shown messages"),
     **_each(c_int64, "agents obs_blocks obs_rows run_rows"),
 )
 Factors = _structure("Factors", values=c_void_p, **_each(c_int64, "network row block unit"))

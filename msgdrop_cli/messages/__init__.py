@@ -1,1 +1,1 @@
-"""Messages on their way to a network: who is heard. One file a topology."""
+"""Messages on their way to a network: what is said (encoders), and who is heard (topologies)."""

@@ -10,20 +10,24 @@ from msgdrop_cli.networks.stacked import Network
 def q_network(
     kind: Literal["fgh", "concat", "own"],
     observation: int,
+    message: int,
     senders: int,
     actions: int,
     f_units: tuple[int, int],
     g_units: int,
     h_units: int,
 ) -> Network:
-    """h(f, g) (l. 404), or a perceptron on everything ("concat", l. 515) or on the own ("own")."""
+    """h(f, g) (l. 404), or a perceptron on everything ("concat", l. 515) or on the own ("own").
+
+    message: the numbers of one message (an observation, as a rule).
+    """
     units = (*f_units, h_units)
     if kind == "own":
         return Perceptron(observation, 0, units, actions)
     if kind == "concat":
-        return Perceptron(observation * (1 + senders), senders, units, actions)
+        return Perceptron(observation + senders * message, senders, units, actions)
     return FGH(
-        *(observation, observation, senders, actions),
+        *(observation, message, senders, actions),
         own_units=f_units,
         message_units=g_units,
         joint_units=h_units,

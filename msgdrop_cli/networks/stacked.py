@@ -72,7 +72,7 @@ class Network(Protocol):
     """S, the senders whose messages are among its inputs."""
 
     def forward(self, weights: Stacked, inputs: Tensor) -> Tensor:
-        """Q [G, B, A] of the inputs [G, B, (1+S)*O]."""
+        """Q [G, B, A] of the inputs [G, B, O + S*M]."""
 
 
 def parameter_count(layers: Layers) -> int:

@@ -5,7 +5,9 @@ Masks are *keep* masks, 1 = it passes. `rate` is the probability of *dropping*; 
 Letters: `R` runs, `N` agents, `G = R*N`, `S` senders, `B` batch, `M` one message.
 """
 
-from torch import Tensor
+from collections.abc import Sequence
+
+from torch import Tensor, cat
 
 
 def keep_mask(uniforms: Tensor, rate: Tensor) -> Tensor:
@@ -30,6 +32,20 @@ def apply_keep(blocks: Tensor, keep: Tensor) -> Tensor:
             f" not {tuple(keep.shape)}"
         )
     return blocks * keep
+
+
+def inputs_of(blocks: Sequence[Tensor], factor: Tensor) -> Tensor:
+    """The inputs of networks [G, B, inputs]: blocks times their factors, side by side.
+
+    blocks: [G, B, blocks, U], in one or several tensors, which differ in U; factor [G, B, all
+    blocks, 1 or at least U], of which narrower blocks take the first.
+    """
+    parts, first = [], 0
+    for part in blocks:
+        last = first + part.shape[2]
+        parts.append(apply_keep(part, factor[:, :, first:last, : part.shape[3]]).flatten(2))
+        first = last
+    return cat(parts, 2) if len(parts) > 1 else parts[0]
 
 
 def execution_scale(rate: Tensor, senders: int, *, drops_own: bool) -> Tensor:

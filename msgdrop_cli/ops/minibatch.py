@@ -2,7 +2,7 @@
 
 The kernels read it in the memory; who computes with torch asks for a copy.
 Letters: `R` runs, `N` agents, `G = R*N` networks, `B` transitions, `S` senders, `O` observation,
-`A` numbers of an action.
+`M` message, `A` numbers of an action.
 """
 
 from dataclasses import dataclass
@@ -10,6 +10,10 @@ from typing import NamedTuple
 
 import torch
 from torch import Tensor
+
+Blocks = tuple[Tensor, ...]
+"""What networks see: the own observation first, then messages, [G, B, blocks, numbers] each; one
+tensor where they are equally wide."""
 
 
 class Batch(NamedTuple):
@@ -19,14 +23,22 @@ class Batch(NamedTuple):
     """
 
     obs: Tensor
-    """[G, 2*B, 1+S, O]: the B observations, then the B next ones, as stored; joint [R, 2*B, N, O].
-    """
+    """[G, 2*B, 1+S, O]: the B observations, then the B next ones, as stored; [G, 2*B, 1, O] if
+    there are messages; joint [R, 2*B, N, O]."""
     action: Tensor
     """[G, B] int64; joint [R, B, N] int64, or [R, B, N, A] float32 if actions are continuous."""
     reward: Tensor
     """[G, B] float32; joint [R, B, N]."""
     discount: Tensor
     """[G, B] float32: 0 at a true end, else 1; joint [R, B]."""
+    messages: Tensor | None = None
+    """[G, 2*B, S, M] float32, likewise; None where observations are the messages."""
+
+    def seen(self) -> tuple[Blocks, Blocks]:
+        """(o, m) and (o', m')."""
+        blocks = (self.obs,) if self.messages is None else (self.obs, self.messages)
+        halves = [part.chunk(2, 1) for part in blocks]
+        return tuple(now for now, _ in halves), tuple(after for _, after in halves)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -50,25 +62,27 @@ class Minibatch:
     """[R, N, B] int64: what each network has drawn; joint [R, B]."""
     shown: Tensor
     """[N, 1+S] int64: whom agent i is shown."""
+    messages: Tensor | None = None
+    """[R, obs rows, N, M] float32: joint messages; None where observations are the messages."""
 
     def copied(self) -> Batch:
         """The numbers themselves, network by network."""
         return self._joint_batch() if self.rows.dim() == 2 else self._batch()
 
     def _batch(self) -> Batch:
-        runs, agents, size = self.rows.shape
+        runs, agents, _ = self.rows.shape
         run = torch.arange(runs, device=self.rows.device)[:, None, None]
         agent = torch.arange(agents, device=self.rows.device)[:, None]
         taken = run * self.discount.shape[1] + self.rows  # [R, N, B], `take` reads flat memories
         both = torch.cat((self.rows, self.next_row.take(taken)), -1) + run * self.obs.shape[1]
         blocks = both[..., None] * self.obs.shape[2] + self.shown[:, None]  # [R, N, 2B, 1+S]
-        obs = self.obs.view(-1, self.obs.shape[-1]).index_select(0, blocks.flatten())
         own = torch.add(agent, taken, alpha=agents)
         return Batch(
-            obs=obs.view(runs * agents, 2 * size, self.shown.shape[1], -1),
+            obs=_taken(self.obs, blocks if self.messages is None else blocks[..., :1]),
             action=self.action.take(own).flatten(0, 1).long(),
             reward=self.reward.take(own).flatten(0, 1),
             discount=self.discount.take(taken).flatten(0, 1),
+            messages=None if self.messages is None else _taken(self.messages, blocks[..., 1:]),
         )
 
     def _joint_batch(self) -> Batch:
@@ -82,3 +96,17 @@ class Minibatch:
             reward=self.reward.flatten(0, 1)[taken],
             discount=self.discount.take(taken),
         )
+
+
+def seen_in_games(obs: Tensor, messages: Tensor | None, shown: Tensor) -> Blocks:
+    """What each network sees in E games; obs [R, E, N, O], messages [R, E, N, M] or None."""
+    if messages is None:
+        return (obs[:, :, shown].transpose(1, 2).flatten(0, 1),)  # [G, E, 1+S, O]
+    parts = ((obs, shown[:, :1]), (messages, shown[:, 1:]))
+    return tuple(part[:, :, each].transpose(1, 2).flatten(0, 1) for part, each in parts)
+
+
+def _taken(memory: Tensor, blocks: Tensor) -> Tensor:
+    """The blocks [R, N, 2B, K], counted through all of a memory [R, rows, N, U]: [G, 2B, K, U]."""
+    taken = memory.view(-1, memory.shape[-1]).index_select(0, blocks.flatten())
+    return taken.view(*blocks.flatten(0, 1).shape, memory.shape[-1])

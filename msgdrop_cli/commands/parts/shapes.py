@@ -66,16 +66,18 @@ def run_sizes(run: PlannedRun, episodes: int) -> Sizes:
         policy = learner.policy(0).values()
         kept = sum(tensor.numel() for tensor in policy)
         networks = next(iter(policy)).shape[0]
+        encoder = sum(tensor.numel() for tensor in learner.encoding.tensors(0).values())
         learnt = sum(tensor.numel() for tensor in learner.tensors(0).values())
-        parameters = learnt // _SAVED_COPIES
-        cut_episodes = replay.cut_episodes(0).nbytes
+        parameters = (learnt - encoder) // _SAVED_COPIES
+        cut_episodes = sum(tensor.nbytes for tensor in replay.cut_episodes(0).values())
         memory = held(env, learner, replay) + 4 * _HELD_COPIES * parameters
     seen = env.observation_size * env.observation_dtype.itemsize
-    a_step = env.agents * (seen + 8 + 4 * env.action_size) + 8
+    said = 4 * learner.encoding.width if learner.encoding.apart else 0
+    a_step = env.agents * (seen + said + 8 + 4 * env.action_size) + 8
     whole = a_step * config.replay_capacity
     stored = _REPLAYS * whole + KEPT * min(whole, SEGMENT_BYTES)
     stored = min(stored, KEPT * a_step * training.train_env_steps)  # each step for each of the two
-    state = 4 * _SAVED_COPIES * parameters + cut_episodes
+    state = 4 * (_SAVED_COPIES * parameters + encoder) + cut_episodes
     rows = training.train_env_steps // training.log_every_env_steps + 1
     at_once = max(training.games, episodes, 2 * config.batch_size)
     return Sizes(
