@@ -94,6 +94,7 @@ def start(options: argparse.Namespace, arguments: Sequence[str]) -> int:
         options.profile,
         catalogue(),
         overrides=[*on_gpu, *options.set],
+        readings=options.reading,
         seeds=seeds,
     )
     check_folder(options.out, 0)
@@ -126,6 +127,7 @@ def main(arguments: Sequence[str]) -> int:
     parser.add_argument("--device", default="cpu", help="cpu or cuda")
     parser.add_argument("--seeds", help="a number of seeds (3) or a list (1,5,9)")
     parser.add_argument("--set", action="append", default=[], help="algorithm.gamma=0.9")
+    parser.add_argument("--reading", action="append", default=[], help="capture-once")
     parser.add_argument("--workers", type=int, default=os.cpu_count(), help="processes")
     parser.add_argument("--seeds-at-once", type=int, help="on a GPU, stacked (default: all)")
     parser.add_argument("--detach", action="store_true", help="return at once, work on")

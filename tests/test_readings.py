@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from benchmarks import campaign
 from msgdrop_cli.definition.load import list_definitions, load_definition
 from msgdrop_cli.definition.plan import plan
 from msgdrop_cli.definition.readings import all_readings, readings_of
@@ -15,7 +16,8 @@ from msgdrop_cli.definition.run_id import spec_to_dict
 from msgdrop_cli.definition.spec import Definition, Variant
 from msgdrop_cli.engine.offers import catalogue
 from msgdrop_cli.errors import DefinitionError
-from tests.cli_runs import filled_store, msgdrop
+from msgdrop_cli.records.store import list_runs
+from tests.cli_runs import QUESTION, filled_store, msgdrop
 
 CATALOGUE = catalogue()
 READINGS = all_readings()
@@ -132,6 +134,20 @@ def test_what_a_reading_gave_is_told_apart_wherever_it_is_shown(tmp_path: Path) 
     judged = [claim["group"]["profile"] for claim in document["claims"]]
     assert sorted(set(judged)) == profiles
     assert not any("set-ups" in claim["reason"] for claim in document["claims"])
+
+
+def test_a_campaign_trains_under_a_reading(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Another machine's runs come home with its name, and `ablate` finds them."""
+    monkeypatch.setenv("MSGDROP_COMMIT", "0123456789" * 4)
+    question, results = tmp_path / "tiny.toml", tmp_path / "results"
+    question.write_text(QUESTION)
+    asked = ("--profile", "quick", "--reading", "no-sharing", "--seeds", "1", "--workers", "1")
+    out = tmp_path / "out"
+    assert campaign.main([str(question), *asked, "--out", str(out), "--minutes", "1"]) == 0
+    assert msgdrop("import", *out.glob("*.zip"), "--results", results).code == 0
+    assert {record.profile for record in list_runs(results)} == {"quick-no-sharing"}
+    said = msgdrop("ablate", question, *asked, "--results", results, "--dry-run")
+    assert "2 runs: 2 finished" in " ".join(said.out.split())
 
 
 def test_readings_are_listed() -> None:
