@@ -206,6 +206,8 @@ def test_an_algorithm_that_does_not_fit_is_told_who_does(tmp_path: Path) -> None
         ("msgdrop train --env p", ["pursuit-n6", "pursuit-n8"]),
         ("msgdrop train --profile ", ["quick", "million", "paper"]),
         ("msgdrop ablate bro", ["broken-links"]),
+        ("msgdrop ablate figure-5", ["figure-5a", "figure-5b"]),
+        ("msgdrop ablate figure-3f --profile h", ["half-million"]),
         ("msgdrop ablate waterworld --profile h", ["half-million"]),
         ("msgdrop ablate --profile ", ["quick-nearest", "two-million"]),
         ("msgdrop publish navigation --profile two", []),

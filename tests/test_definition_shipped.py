@@ -49,6 +49,7 @@ CLAIMS = [
     ("dropout-rate", (456, 457), ("md-0.5",), ("md-0.4",), BOTH, DURING, 0.0),
     # "message-dropout yields better performance than the standard element-wise dropout"
     ("blockwise-vs-elementwise", (465, 465), ("md-0.2",), ("sd-0.2",), SIX, AFTER + DURING, 0.0),
+    ("own-observation", (465, 465), ("md-0.2",), ("sd-0.2",), SIX, AFTER + DURING, 0.0),
     # "message-dropout makes training faster than simple DCC"
     ("blockwise-vs-elementwise", (491, 491), ("md-0.2",), ("dcc",), SIX, DURING, 0.0),
     ("own-observation", (491, 491), ("md-0.2",), ("dcc",), SIX, DURING, 0.0),
@@ -64,6 +65,10 @@ CLAIMS = [
     # "In pursuit with N=8 [...] learning failed with the simple model architecture"
     ("architecture", (514, 516), ("md-0.2",), ("concat-md-0.2",), EIGHT, AFTER + DURING, 0.0),
     ("architecture", (514, 516), ("dcc",), ("concat-dcc",), EIGHT, AFTER + DURING, 0.0),
+    # "the proposed model architecture is advantageous", figure 5 b with N=6 (ours)
+    ("architecture", (514, 516), ("md-0.2",), ("concat-md-0.2",), SIX, DURING, 0.0),
+    # "[In] waterworld, learning failed with the simple model architecture"
+    ("waterworld", (514, 516), ("maddpg",), ("vanilla-maddpg",), WATERWORLD, AFTER + DURING, 0.0),
     # "outperforms both simple DCC and FDC when the [...] link is broken but not all"
     ("broken-links", (528, 528), UNSTABLE, ("dcc", "fdc"), BOTH, AFTER, 0.5),
     # "DCC-MD cannot recover [...] (but still better than simple DCC), but FDC is better"

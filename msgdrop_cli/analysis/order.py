@@ -4,7 +4,7 @@ from collections import Counter, defaultdict
 from collections.abc import Mapping, Sequence
 from typing import Any, TypeVar
 
-from msgdrop_cli.definition.load import list_definitions, load_definition
+from msgdrop_cli.definition.load import list_askable, load_definition
 from msgdrop_cli.records.store import RunRecord
 
 Group = TypeVar("Group", bound=tuple[Any, ...])
@@ -33,5 +33,5 @@ def definition_order(records: Sequence[RunRecord]) -> tuple[str, ...]:
     the records alone. What a definition of somebody's own lists is not known from its records.
     """
     trained = Counter(record.definition for record in records)
-    shipped = sorted(trained.keys() & set(list_definitions()), key=lambda d: (-trained[d], d))
+    shipped = sorted(trained.keys() & set(list_askable()), key=lambda d: (-trained[d], d))
     return tuple(dict.fromkeys(v for name in shipped for v in load_definition(name).variants))

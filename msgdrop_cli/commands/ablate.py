@@ -6,7 +6,8 @@ from typing import Annotated
 import typer
 
 from msgdrop_cli.commands.parts import console, options, settings
-from msgdrop_cli.definition.load import list_definitions, load_definition
+from msgdrop_cli.definition.figures import all_figures
+from msgdrop_cli.definition.load import list_askable, list_definitions, load_definition
 from msgdrop_cli.definition.readings import all_readings, readings_of
 
 app = typer.Typer()
@@ -26,13 +27,14 @@ def ablate(
         str | None,
         typer.Argument(
             metavar="[NAME|FILE.toml]",
-            help="A question that is shipped, or your own; leave it out to list those shipped.",
+            help="A question, the paper's figure-3a or another, or your own file; leave it out to "
+            "list what is shipped.",
             parser=options.question,
-            autocompletion=list_definitions,
+            autocompletion=list_askable,
         ),
     ] = None,
     lists: Annotated[
-        bool, typer.Option("--list", help="List the questions that are shipped.")
+        bool, typer.Option("--list", help="List questions, figures and readings.")
     ] = False,
     profile: options.Profile = None,
     reading: options.Reading = None,
@@ -73,6 +75,7 @@ def ablate(
 
 def _list(as_json: bool) -> int:
     definitions = [load_definition(name) for name in list_definitions()]
+    figures = all_figures()
     if as_json:
         console.result_json(
             [
@@ -81,6 +84,7 @@ def _list(as_json: bool) -> int:
                     "title": d.title,
                     "question": d.question,
                     "source": d.source,
+                    "figures": [name for name, each in figures.items() if each.question == d.name],
                     "readings": list(readings_of(d.environments)),
                 }
                 for d in definitions
@@ -88,6 +92,8 @@ def _list(as_json: bool) -> int:
         )
         return 0
     console.facts({d.name: d.question for d in definitions}, is_result=True)
+    console.result("\nfigures of the paper, each a part of one of these:")
+    console.facts({name: each.shows for name, each in figures.items()}, is_result=True)
     console.result("\nother readings of the paper, for --reading:")
     console.facts({name: each.says for name, each in all_readings().items()}, is_result=True)
     console.note("\nanswer one:  msgdrop ablate NAME   (what it takes: --dry-run)")

@@ -8,20 +8,16 @@ import os
 import stat
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
-from importlib import resources
-from importlib.resources.abc import Traversable
 from pathlib import Path
 from typing import Literal
 
 from msgdrop_cli.definition.channel import NONE_BROKEN, Channel, check_each_once
+from msgdrop_cli.definition.figures import all_figures, part_of
+from msgdrop_cli.definition.shipped import shipped_questions
 from msgdrop_cli.definition.spec import NAME, Claim, Definition, Profile, Variant
 from msgdrop_cli.definition.strict import Where, build, read_toml
 from msgdrop_cli.errors import DefinitionError, nearest
 
-PAPER = "paper.toml"
-"""Shipped beside the questions and none of them: sizes and lengths (`paper.py`)."""
-READINGS = "readings.toml"
-"""The same: other readings of the paper (`readings.py`)."""
 _LARGEST_FILE = 1_000_000
 
 
@@ -81,43 +77,31 @@ class QuestionFile:
 def load_definition(name_or_path: str) -> Definition:
     """The definition that is shipped under this name, or that stands in this `.toml` file.
 
+    A figure of the paper, `figure-3a`, is the part of a question that the figure shows.
+
     Raises DefinitionError: one line that names the file, the key and what was expected.
     """
     if name_or_path.endswith(".toml") or os.sep in name_or_path:
         content = _read(Path(name_or_path))
         return _parsed(Path(name_or_path).stem, name_or_path, content, shipped=False)
-    shipped = _shipped()
+    if figure := (figures := all_figures()).get(name_or_path):
+        return part_of(load_definition(figure.question), name_or_path, figure)
+    shipped = shipped_questions()
     if name_or_path not in shipped:
-        hint = nearest(name_or_path[:64], shipped)
+        hint = nearest(name_or_path[:64], (*shipped, *figures))
         raise DefinitionError(f"no ablation is called {name_or_path[:64]!r}; {hint}")
     file = shipped[name_or_path]
     return _parsed(name_or_path, file.name, file.read_bytes(), shipped=True)
 
 
 def list_definitions() -> list[str]:
-    """The names of the definitions that are shipped, in alphabetical order."""
-    return sorted(_shipped())
+    """The names of the questions that are shipped, in alphabetical order; without figures."""
+    return sorted(shipped_questions())
 
 
-def shipped_file(name: str) -> bytes:
-    """What a file that is shipped beside the questions contains."""
-    return _folder().joinpath(name).read_bytes()
-
-
-def _shipped() -> dict[str, Traversable]:
-    files = (file for file in _folder().iterdir() if file.name.endswith(".toml"))
-    return {
-        file.name.removesuffix(".toml"): file
-        for file in files
-        if file.name not in (PAPER, READINGS)
-    }
-
-
-def _folder() -> Traversable:
-    try:
-        return resources.files("msgdrop_ablations")
-    except ModuleNotFoundError as error:
-        raise DefinitionError("msgdrop_ablations is not importable; install msgdrop") from error
+def list_askable() -> list[str]:
+    """The names of the questions that are shipped, then those of the paper's figures."""
+    return [*list_definitions(), *all_figures()]
 
 
 def _read(path: Path) -> bytes:

@@ -4,7 +4,7 @@ from collections.abc import Collection, Mapping
 from typing import Any
 
 from msgdrop_cli.definition.catalogue import PaperSizes
-from msgdrop_cli.definition.load import PAPER, shipped_file
+from msgdrop_cli.definition.shipped import PAPER, shipped_file
 from msgdrop_cli.definition.spec import TrainingSpec
 from msgdrop_cli.definition.strict import Where, convert, parse, read_toml
 from msgdrop_cli.errors import nearest

@@ -5,8 +5,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from msgdrop_cli.definition.load import READINGS, shipped_file
 from msgdrop_cli.definition.overrides import SECTIONS, Override
+from msgdrop_cli.definition.shipped import READINGS, shipped_file
 from msgdrop_cli.definition.spec import NAME
 from msgdrop_cli.definition.strict import Where, convert, read_toml, shown
 from msgdrop_cli.errors import nearest

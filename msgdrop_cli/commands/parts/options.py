@@ -9,7 +9,7 @@ import typer
 
 from msgdrop_cli.commands.parts import completion
 from msgdrop_cli.definition.channel import Channel, only_links
-from msgdrop_cli.definition.load import list_definitions
+from msgdrop_cli.definition.load import list_askable
 from msgdrop_cli.definition.plan import parse_seeds
 from msgdrop_cli.definition.spec import MOST_EPISODES, Definition
 from msgdrop_cli.definition.strict import Where, whole_number
@@ -90,7 +90,7 @@ Question = Annotated[
         metavar="NAME|FILE.toml",
         help="The question.",
         parser=question,
-        autocompletion=list_definitions,
+        autocompletion=list_askable,
     ),
 ]
 Results = Annotated[
