@@ -12,7 +12,8 @@ from msgdrop_cli.commands.parts.question_keys import Key, question_file, questio
 from msgdrop_cli.commands.parts.sources import Module, notation
 from msgdrop_cli.commands.parts.vocabulary import Section
 from msgdrop_cli.definition.channel import LINKS, WORDS, Channel
-from msgdrop_cli.definition.load import PAPER, list_definitions, load_definition, shipped_file
+from msgdrop_cli.definition.load import list_definitions, load_definition
+from msgdrop_cli.definition.shipped import PAPER, shipped_file
 
 _CHANNELS, _TOPOLOGIES = "msgdrop_cli.channels", "msgdrop_cli.messages.topologies"
 _METRIC = ("count", "per", "scale", "better", "meaning")
