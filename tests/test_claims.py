@@ -1,211 +1,160 @@
-"""Claims against runs: every verdict can be reached, and never on too little."""
+"""Claims against runs: every verdict can be reached, and only as it was registered."""
 
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
-import numpy as np
 import pytest
 
-from msgdrop_cli.analysis.claims import Verdict, judge, judge_claims
+from msgdrop_cli.analysis.claims import judge_claims
 from msgdrop_cli.analysis.summary import summarise
-from msgdrop_cli.definition.channel import Channel
-from msgdrop_cli.definition.spec import Claim
-from tests.fake_runs import GROUP, write_arm, write_run
-
-CLAIM = Claim(
-    says="Dropout helps",
-    source="l. 1",
-    better="md-0.2",
-    worse="dcc",
-    environment="pursuit-n6",
-    metric="catches_per_500",
-)
-LOW, HIGH = [1, 2, 1, 2, 1, 2], [11, 12, 12, 11, 12, 11]
-
-
-def seeds(values: list[float]) -> dict[int, float]:
-    """Values of seeds 1, 2, ..."""
-    return dict(enumerate(values, start=1))
-
-
-def verdict_on(records: Any, claim: Claim = CLAIM) -> Verdict:
-    """The only verdict on these records."""
-    (verdict,) = judge_claims([claim], summarise(records))
-    return verdict
+from msgdrop_cli.definition.load import load_definition
+from msgdrop_cli.definition.registration import registered_as
+from msgdrop_cli.definition.spec import Registration
+from tests.claims import AT_SIX, CLAIM, HIGH, LOW, arms, asking, verdict_on
+from tests.fake_runs import write_arm
 
 
 @pytest.mark.parametrize(
     ("better", "worse", "word"),
     [
-        ([5.0, 6.0, 7.0, 8.0, 7.0, 6.0], [1.0, 2.0, 3.0, 4.0, 1.0, 2.0], "supported"),
-        ([1.0, 2.0, 3.0, 4.0, 1.0, 2.0], [5.0, 6.0, 7.0, 8.0, 7.0, 6.0], "contradicted"),
-        ([1.0, 8.0, 2.0, 7.0, 1.0, 8.0], [7.0, 2.0, 8.0, 1.0, 7.0, 2.0], "undecided"),
+        (HIGH, LOW, "supported"),
+        (LOW, HIGH, "contradicted"),
+        ([1, 18, 2, 17, 1, 18], [17, 2, 18, 1, 17, 2], "undecided"),
+        (HIGH, HIGH, "level"),
     ],
 )
-def test_interval_decides(better: list[float], worse: list[float], word: str) -> None:
-    """A difference whose interval excludes 0 decides, in either direction."""
-    verdict = judge(CLAIM, seeds(better), seeds(worse), np.random.default_rng(0))
-    assert verdict.verdict == word
-    assert verdict.difference == pytest.approx(sum(better) / 6 - sum(worse) / 6)
-
-
-def test_difference_of_zero_is_undecided() -> None:
-    """Equal arms touch 0 with both ends of the interval, which is not excluding it."""
-    verdict = judge(CLAIM, seeds([2.0] * 6), seeds([2.0] * 6), np.random.default_rng(0))
-    assert (verdict.verdict, verdict.low, verdict.high) == ("undecided", 0.0, 0.0)
-
-
-@pytest.mark.parametrize("count", [1, 2, 5])
-def test_fewer_than_six_seeds_stay_undecided(count: int) -> None:
-    """However clear the difference: with five pairs no sign-flip test reaches 5%."""
-    verdict = judge(CLAIM, seeds([9.0] * count), seeds([1.0] * 6), np.random.default_rng(0))
-    assert verdict.verdict == "undecided"
-    assert verdict.reason == f"{count} seed{'s' * (count > 1)}: at least 6 are needed"
-    assert verdict.difference == 8.0
-
-
-def test_equal_seeds_are_paired() -> None:
-    """A constant gain of 1 over seeds that differ by 100 is seen by pairs only."""
-    worse = [0.0, 100.0, 200.0, 300.0, 400.0, 500.0]
-    better = [value + 1.0 for value in worse]
-    paired = judge(CLAIM, seeds(better), seeds(worse), np.random.default_rng(0))
-    others = {seed + 10: value for seed, value in seeds(worse).items()}
-    unpaired = judge(CLAIM, seeds(better), others, np.random.default_rng(0))
-    assert (paired.paired, paired.verdict) == (True, "supported")
-    assert (unpaired.paired, unpaired.verdict) == (False, "undecided")
-
-
-def test_pairs_go_by_seed_not_by_order() -> None:
-    """The order in which seeds are listed changes nothing."""
-    backwards = dict(reversed(seeds([0.0, 10.0, 20.0, 30.0]).items()))
-    forwards = seeds([1.0, 11.0, 21.0, 31.0])
-    assert judge(CLAIM, forwards, backwards, np.random.default_rng(0)).low == pytest.approx(1.0)
-
-
-def test_lower_is_better_where_it_is() -> None:
-    """Fewer steps to finish speak for the claim; the difference is turned accordingly."""
-    claim = replace(CLAIM, metric="steps_to_finish")
-    fewer = seeds([90.0, 100.0, 110.0, 100.0, 90.0, 110.0])
-    more = seeds([200.0, 210.0, 190.0, 220.0, 200.0, 210.0])
-    rng = np.random.default_rng(0)
-    verdict = judge(claim, fewer, more, rng, higher_is_better=False)
-    assert verdict.verdict == "supported"
-    assert verdict.difference == 105.0
-
-
-def test_evaluation_is_compared_at_the_claims_broken_links(tmp_path: Path) -> None:
-    """What counts is the channel that the claim names, not the unbroken one."""
-    records = [
-        write_run(tmp_path, variant, seed, catches={0.0: intact, 0.5: broken + seed % 2})
-        for variant, intact, broken in (("dcc", 20, 1), ("md-0.2", 10, 5))
-        for seed in range(1, 7)
-    ]
-    assert verdict_on(records).verdict == "contradicted"
-    assert verdict_on(records, replace(CLAIM, channel=Channel.read("half"))).verdict == "supported"
-
-
-def test_learning_compares_the_mean_of_the_curve(tmp_path: Path) -> None:
-    """Who learns earlier wins on `learning` though both end level; nulls are left out."""
-    records = [
-        write_run(tmp_path, variant, seed, curve=[*early, 8.0], catches={0.0: 8})
-        for variant, early in (("dcc", (0.0, 0.0, 4.0)), ("md-0.2", (None, 6.0, 7.0)))
-        for seed in range(1, 7)
-    ]
-    assert verdict_on(records).verdict == "undecided"
-    verdict = verdict_on(records, replace(CLAIM, measure="learning"))
-    assert (verdict.verdict, verdict.difference) == ("supported", 4.0)  # 21/3 - 12/4
-
-
-def test_a_missing_variant_is_named(tmp_path: Path) -> None:
-    """Undecided says what has to be run."""
-    verdict = verdict_on(write_arm(tmp_path, "dcc", LOW))
-    assert (verdict.verdict, verdict.reason) == ("undecided", "no run of md-0.2")
-    assert verdict.group == GROUP
-
-
-def test_an_unfinished_variant_is_no_run(tmp_path: Path) -> None:
-    """A run that is not done does not speak."""
-    records = write_arm(tmp_path, "dcc", LOW) + write_arm(
-        tmp_path, "md-0.2", HIGH, status="interrupted"
-    )
-    assert verdict_on(records).reason == "no finished run of md-0.2"
-
-
-def test_no_run_at_all(tmp_path: Path) -> None:
-    """Records of other variants leave a claim undecided, without a group."""
-    verdict = verdict_on(write_arm(tmp_path, "fdc", LOW))
-    assert verdict.reason == "no run of md-0.2 or dcc on pursuit-n6"
-    assert verdict.group is None
-
-
-def test_a_missing_evaluation_is_named(tmp_path: Path) -> None:
-    """Runs that were never evaluated with these links say nothing about them."""
-    records = write_arm(tmp_path, "dcc", LOW) + write_arm(tmp_path, "md-0.2", HIGH)
-    verdict = verdict_on(records, replace(CLAIM, channel=Channel.read("half")))
-    assert "no catches_per_500 of md-0.2 (evaluation with half of the links" in verdict.reason
-
-
-def test_lengths_are_judged_apart(tmp_path: Path) -> None:
-    """Short and long training give a verdict each, and may disagree."""
-    records = [
-        *write_arm(tmp_path, "dcc", LOW),
-        *write_arm(tmp_path, "md-0.2", HIGH),
-        *write_arm(tmp_path, "dcc", HIGH, train_env_steps=2000),
-        *write_arm(tmp_path, "md-0.2", LOW, train_env_steps=2000),
-    ]
-    verdicts = judge_claims([CLAIM], summarise(records))
-    assert [(v.group and v.group.train_env_steps, v.verdict) for v in verdicts] == [
-        (1000, "supported"),
-        (2000, "contradicted"),
-    ]
-
-
-def test_two_set_ups_of_a_variant_are_not_chosen_between(tmp_path: Path) -> None:
-    """Nobody picks the setting that suits the claim."""
-    records = [
-        *write_arm(tmp_path, "dcc", LOW),
-        *write_arm(tmp_path, "md-0.2", HIGH),
-        *write_arm(tmp_path, "md-0.2", LOW, algorithm={"gamma": 0.9}),
-    ]
-    assert verdict_on(records).reason == "md-0.2 was trained with 2 different set-ups"
-
-
-@pytest.mark.parametrize(("variant", "word"), [("md-0.2", "undecided"), ("dcc", "supported")])
-def test_nobody_wins_by_leaving_out_runs_that_diverged(
-    tmp_path: Path, variant: str, word: str
+def test_six_seeds_that_agree_decide(
+    tmp_path: Path, better: list[int], worse: list[int], word: str
 ) -> None:
-    """A diverged run of the arm that is ahead leaves it undecided; one of the loser does not."""
-    records = write_arm(tmp_path, "dcc", LOW) + write_arm(tmp_path, "md-0.2", HIGH)
-    records.append(write_run(tmp_path, variant, 7, status="diverged"))
-    assert verdict_on(records).verdict == word
+    """In either direction, where the registration lets six seeds decide: p is 2 / 64."""
+    verdict = verdict_on(arms(tmp_path, better, worse))
+    assert verdict.verdict == word
+    assert verdict.difference == pytest.approx((sum(better) - sum(worse)) / 6)
+    assert verdict.evidence is not None
+    assert (verdict.evidence.p == 0.03125) == (word in ("supported", "contradicted"))
+    assert "smallest possible 0.031" in verdict.reason
 
 
-def test_no_claim_was_about_a_variant_that_was_overridden(tmp_path: Path) -> None:
-    """What `--set` changed of one of the two leaves it undecided; the numbers stay."""
-    records = write_arm(tmp_path, "dcc", LOW)
-    records += write_arm(tmp_path, "md-0.2", HIGH, overrides=["variants.md-0.2.algorithm.rate=0.3"])
-    verdict = verdict_on(records)
-    assert (verdict.verdict, verdict.difference) == ("undecided", 10.0)
-    assert verdict.reason == "md-0.2 was overridden: algorithm.rate=0.3"
-
-
-def test_what_was_overridden_of_both_is_told(tmp_path: Path) -> None:
-    """It is another scale, as a profile is."""
-    both = {"overrides": ["algorithm.gamma=0.9"]}
-    records = write_arm(tmp_path, "dcc", LOW, **both) + write_arm(tmp_path, "md-0.2", HIGH, **both)
-    verdict = verdict_on(records)
-    assert verdict.verdict == "supported"
-    assert verdict.reason.endswith("(6 paired seeds); both with algorithm.gamma=0.9")
-
-
-def test_one_run_under_two_names_is_not_compared_with_itself(tmp_path: Path) -> None:
-    """Two questions may have published it, each by its own name."""
-    records = write_arm(tmp_path, "dcc", LOW)
-    records += [
-        replace(record, run={**record.run, "variant": "md-0.2", "label": "MD"})
-        for record in records
-    ]
-    verdict = verdict_on(records)
+def test_the_shipped_questions_decide_nothing_at_six_seeds(tmp_path: Path) -> None:
+    """They spend 0.015 there, and no six seeds can have a p below 0.031."""
+    rule = load_definition("broken-links").registration
+    verdict = verdict_on(arms(tmp_path, HIGH, LOW), rule=rule)
     assert verdict.verdict == "undecided"
-    assert verdict.reason == "md-0.2 and dcc are one run under two names"
+    assert "that alpha is gone; next registered look at 10 seeds; 10 would probably" in (
+        verdict.reason
+    )
+
+
+def test_one_side_cannot_be_contradicted(tmp_path: Path) -> None:
+    """Registered so, six seeds that agree have a p of 1 / 64."""
+    rule = replace(AT_SIX, sides=1)
+    assert verdict_on(arms(tmp_path / "1", HIGH, LOW), rule=rule).verdict == "supported"
+    verdict = verdict_on(arms(tmp_path / "2", LOW, HIGH), rule=rule)
+    assert verdict.verdict == "undecided"
+    assert verdict.evidence is not None
+    assert (verdict.evidence.p, verdict.evidence.smallest_p) == (1.0, 1 / 64)
+
+
+def test_without_a_registration_there_are_estimates_only(tmp_path: Path) -> None:
+    """However clear: nobody said beforehand when to look."""
+    verdict = verdict_on(arms(tmp_path, HIGH, LOW), rule=None)
+    assert (verdict.verdict, verdict.difference) == ("undecided", 10.0)
+    assert verdict.reason.startswith("an estimate: the question has no [registration]")
+
+
+@pytest.mark.parametrize(("count", "look"), [(1, "first registered look at 6"), (5, "first")])
+def test_before_the_first_look_there_are_estimates_only(
+    tmp_path: Path, count: int, look: str
+) -> None:
+    """However clear the difference."""
+    verdict = verdict_on(arms(tmp_path, [9] * count, [1] * count))
+    assert (verdict.verdict, verdict.difference, verdict.seeds) == ("undecided", 8.0, count)
+    assert verdict.reason.startswith(look)
+    assert verdict.evidence is None
+
+
+def test_seeds_after_a_look_change_the_estimate_and_no_verdict(tmp_path: Path) -> None:
+    """Seven seeds: the word is of the first six, the difference of all."""
+    verdict = verdict_on(arms(tmp_path, [*HIGH, 2], [*LOW, 12]))
+    assert (verdict.verdict, verdict.seeds) == ("supported", 7)
+    assert verdict.difference == pytest.approx((60 - 10) / 7)
+    assert verdict.evidence is not None
+    assert (verdict.evidence.look, verdict.evidence.seeds) == (1, 6)
+
+
+def test_a_look_is_of_the_first_seeds(tmp_path: Path) -> None:
+    """Six seeds of which one has another number are not seeds 1 to 6: nobody picks them."""
+    records = arms(tmp_path, [*HIGH, 11], [*LOW, 1])
+    verdict = verdict_on([record for record in records if record.seed != 3])
+    assert (verdict.verdict, verdict.seeds) == ("undecided", 6)
+    assert "first registered look at 6 seeds, seed 3 is missing" in verdict.reason
+
+
+def test_pairs_go_by_seed(tmp_path: Path) -> None:
+    """A gain of 1 over seeds that differ by 10 is seen by pairs only."""
+    worse = [0, 10, 20, 30, 40, 50]
+    verdict = verdict_on(arms(tmp_path, [value + 1 for value in worse], worse))
+    assert (verdict.verdict, verdict.interval) == ("supported", (1.0, 1.0))
+
+
+def test_lower_is_better_where_it_is(tmp_path: Path) -> None:
+    """Fewer steps to finish speak for the claim; the difference is turned accordingly."""
+    tags = {"count": "catches", "per": "episodes", "scale": 1.0, "better": "lower", "meaning": "x"}
+    records = arms(tmp_path, LOW, HIGH, metrics={"catches_per_500": tags})
+    verdict = verdict_on(records)
+    assert (verdict.verdict, verdict.difference) == ("supported", 5.0)
+
+
+def test_an_interval_within_the_margin_is_level(tmp_path: Path) -> None:
+    """A look of 12 seeds: the interval that counts looks and family is within 1 of 0."""
+    rule = Registration(looks=(12,), alpha_spent=(0.05,), margin={"catches_per_500": 1.0})
+    better, worse = [10, 11] * 6, [11, 10] * 6
+    level = verdict_on(arms(tmp_path / "1", better, worse), rule=rule)
+    assert (level.verdict, level.difference) == ("level", 0.0)
+    assert level.reason.endswith(
+        "surely within 1 of 0; 24 of the runs are from before "
+        f"{registered_as(asking(CLAIM, rule=rule))} was registered"
+    )
+    wide = verdict_on(arms(tmp_path / "2", [10, 20] * 6, [20, 10] * 6), rule=rule)
+    assert wide.verdict == "undecided"
+    without = replace(rule, margin={})
+    assert verdict_on(arms(tmp_path / "3", better, worse), rule=without).verdict == "undecided"
+
+
+def test_claims_of_a_family_share_what_is_spent(tmp_path: Path) -> None:
+    """A claim that is decided alone is not beside five of which nothing is true."""
+    rule = Registration(looks=(6,), alpha_spent=(0.05,))
+    others = [[9, 1, 8, 2, 7, 3], [3, 9, 1, 8, 2, 7], [1, 2, 9, 9, 2, 1], [9, 9, 9, 1, 1, 2]]
+    records = arms(tmp_path, [9, 5, 12, 4, 20, 5], [4, 4, 4, 4, 4, 4])
+    alone = verdict_on(records, replace(CLAIM, worse="dcc"), rule)
+    claims = [CLAIM]
+    for rank, values in enumerate(others):
+        records += write_arm(tmp_path, f"other-{rank}", values)
+        claims.append(replace(CLAIM, better=f"other-{rank}"))
+    together = judge_claims(claims, summarise(records), asking(*claims, rule=rule))[0]
+    assert alone.evidence is not None
+    assert together.evidence is not None
+    assert alone.evidence.p == together.evidence.p == alone.evidence.p_family
+    assert together.evidence.p < together.evidence.p_family
+    assert together.evidence.p_holm == 5 * together.evidence.p
+
+
+def test_measures_are_families_of_their_own(tmp_path: Path) -> None:
+    """Claims in training and after it are of different figures."""
+    claims = [CLAIM, replace(CLAIM, measure="learning")]
+    found = judge_claims(claims, summarise(arms(tmp_path, HIGH, LOW)), asking(*claims))
+    assert [each.evidence.p_holm for each in found if each.evidence] == [0.03125, 1.0]
+
+
+def test_a_changed_registration_is_told(tmp_path: Path) -> None:
+    """Runs that were trained under another one, or under none; those under this one are not."""
+    this = registered_as(asking(CLAIM))
+    records = arms(tmp_path, HIGH, LOW)
+    for number, name in enumerate([None] * 3 + ["test:00000000"] * 2 + [this] * 7):
+        records[number] = replace(
+            records[number], run={**records[number].run, "registration": name}
+        )
+    assert verdict_on(records).reason.endswith(
+        f"3 of the runs are from before {this} was registered; "
+        f"2 of the runs were trained under test:00000000, not {this}"
+    )

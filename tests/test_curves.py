@@ -19,7 +19,7 @@ def test_curve_of_two_seeds_spans_both(tmp_path: Path) -> None:
         write_run(tmp_path, "dcc", 1, curve=[0.0, 2.0, 4.0, 6.0]),
         write_run(tmp_path, "dcc", 2, curve=[2.0, 2.0, 8.0, 6.0]),
     ]
-    curve = learning_curve(records, HEADLINE, bootstrap_seed=0)
+    curve = learning_curve(records, HEADLINE)
     assert curve is not None
     assert curve.env_steps == [250, 500, 750, 1000]
     assert curve.mean == [1.0, 2.0, 6.0, 6.0]
@@ -28,7 +28,7 @@ def test_curve_of_two_seeds_spans_both(tmp_path: Path) -> None:
 
 def test_curve_of_one_seed_has_no_band(tmp_path: Path) -> None:
     """One seed has no spread to draw."""
-    curve = learning_curve([write_run(tmp_path, "dcc", 1)], HEADLINE, bootstrap_seed=0)
+    curve = learning_curve([write_run(tmp_path, "dcc", 1)], HEADLINE)
     assert curve is not None
     assert curve.band is None
 
@@ -38,7 +38,7 @@ def test_smoothing_is_a_centred_mean_of_a_twentieth(tmp_path: Path) -> None:
     values = [0.0] * 100
     values[50], values[0] = 1.0, 3.0
     record = write_run(tmp_path, "dcc", 1, curve=values)
-    curve = learning_curve([record], HEADLINE, bootstrap_seed=0)
+    curve = learning_curve([record], HEADLINE)
     assert curve is not None
     assert curve.mean[47:54] == pytest.approx([0.0, 0.2, 0.2, 0.2, 0.2, 0.2, 0.0])
     assert curve.mean[:4] == pytest.approx([1.0, 0.75, 0.6, 0.0])
@@ -50,7 +50,7 @@ def test_curve_keeps_the_steps_that_all_seeds_have(tmp_path: Path) -> None:
         write_run(tmp_path, "dcc", 1, curve=[None, 2.0, 4.0, 6.0]),
         write_run(tmp_path, "dcc", 2, curve=[2.0, 2.0, None, 6.0]),
     ]
-    curve = learning_curve(records, HEADLINE, bootstrap_seed=0)
+    curve = learning_curve(records, HEADLINE)
     assert curve is not None
     assert curve.env_steps == [500, 1000]
 
@@ -58,7 +58,7 @@ def test_curve_keeps_the_steps_that_all_seeds_have(tmp_path: Path) -> None:
 def test_no_log_no_curve(tmp_path: Path) -> None:
     """A run without windows has neither curve nor mean of one."""
     record = write_run(tmp_path, "dcc", 1, curve=[])
-    assert learning_curve([record], HEADLINE, bootstrap_seed=0) is None
+    assert learning_curve([record], HEADLINE) is None
     assert learning_mean(record, HEADLINE) is None
 
 

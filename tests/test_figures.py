@@ -1,5 +1,6 @@
 """Tables and figures: what is drawn from which records, what they say, how they are written."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -7,8 +8,10 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from msgdrop_cli.analysis.claims import Verdict, judge_claims
+from msgdrop_cli.analysis.claims import judge_claims
 from msgdrop_cli.analysis.summary import summarise
+from msgdrop_cli.analysis.verdict import Verdict
+from msgdrop_cli.definition.load import load_definition
 from msgdrop_cli.definition.spec import Claim
 from msgdrop_cli.errors import RecordError
 from msgdrop_cli.records.store import RunRecord
@@ -188,7 +191,7 @@ def test_results_table(tmp_path: Path) -> None:
             "DCC",
             "2 (1 diverged)",
             "6.00 [4.00, 8.00]",
-            "6.00 [4.00, 8.00]",
+            "6.00 [\u2013]",
             "3.00",
             "0.50",
             "250",
@@ -228,16 +231,16 @@ def test_claims_table(tmp_path: Path) -> None:
         metric="catches_per_500",
     )
     records = write_arm(tmp_path, "dcc", [1, 2]) + write_arm(tmp_path, "md-0.2", [5, 8])
-    assert claims_table(judge_claims([claim], summarise(records))).rows == (
-        (
-            "MD helps (l. 1)",
-            "pursuit-n6, 1,000 env steps, quick",
-            "md-0.2 against dcc: catches per 500 after training",
-            "5.00 [4.00, 6.00]",
-            "undecided",
-            "2 seeds: at least 6 are needed",
-        ),
+    question = replace(load_definition("broken-links"), claims=(claim,))
+    (row,) = claims_table(judge_claims([claim], summarise(records), question)).rows
+    assert row[:5] == (
+        "MD helps (l. 1)",
+        "pursuit-n6, 1,000 env steps, quick",
+        "md-0.2 against dcc: catches per 500 after training",
+        "5.00 [4.00, 6.00]",
+        "undecided",
     )
+    assert row[5].startswith("first registered look at 6 seeds; 10 would probably decide")
     missing = Verdict(claim=claim, verdict="undecided", reason="no run of dcc")
     assert claims_table([missing]).rows[0][3] == "\u2013"
 

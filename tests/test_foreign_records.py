@@ -150,7 +150,7 @@ def test_no_value_in_a_log_is_a_bug_of_ours(record: Path, log: str, value: Any) 
 
 
 def test_metrics_without_number_are_refused(record: Path) -> None:
-    """Each would cost a bootstrap."""
+    """Each would cost an interval."""
     run = json.loads(record.read_text())
     metric = next(iter(run["metrics"].values()))
     record.write_text(json.dumps(run | {"metrics": {f"m{n}": metric for n in range(33)}}))

@@ -2,7 +2,9 @@
 
 import json
 import os
+import re
 import shutil
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +13,7 @@ import pytest
 from msgdrop_cli.definition.channel import Channel
 from msgdrop_cli.definition.plan import plan
 from msgdrop_cli.definition.run_id import spec_from_dict
+from msgdrop_cli.definition.spec import Registration
 from msgdrop_cli.errors import RecordError
 from msgdrop_cli.records.files import append_jsonl
 from msgdrop_cli.records.store import (
@@ -59,6 +62,18 @@ def test_a_new_record_says_what_is_planned(tmp_path: Path) -> None:
     assert (record.definition, record.profile, record.env_steps) == ("sample", "quick", 0)
     assert spec_from_dict(record.spec, CATALOGUE) == RUNS[0].spec
     assert (record.run["host"], record.run["threads"], record.reason) == ("here", 1, None)
+
+
+def test_a_record_says_what_was_registered_when_it_was_planned(tmp_path: Path) -> None:
+    """It is no part of the run: the id and the folder stay; older records have none."""
+    rule = Registration(looks=(6,), alpha_spent=(0.05,))
+    registered = plan(replace(DEFINITION, registration=rule), "quick", CATALOGUE).runs[0]
+    assert registered.run_id == RUNS[0].run_id
+    record = create_run(run_path(tmp_path, registered), registered, {})
+    assert re.fullmatch("sample:[0-9a-f]{8}", record.registration or "")
+    older = {key: value for key, value in record.run.items() if key != "registration"}
+    (record.path / "run.json").write_text(json.dumps(older))
+    assert list_runs(tmp_path)[0].registration is None
 
 
 def test_a_record_is_never_created_over_another(tmp_path: Path) -> None:

@@ -52,7 +52,7 @@ class Config:
     """The architecture: h(f, g) (l. 404), one perceptron on everything, or on the own only."""
     topology: str = field(default="all", metadata={"later": True})
     """Who hears whom: a file in `messages/topologies` (all: l. 149; limited pairs: l. 561)."""
-    encoder: str = field(default=OBSERVATION, metadata={"later": True})
+    encoder: str = field(default="observation", metadata={"later": True})
     """What is said: a file in `messages/encoders` (observation: l. 289; autoencoder: l. 786)."""
     f_units: tuple[int, int] = (64, 48)
     """Layers of f; also the first layers of FDC and Concat (l. 745, 750)."""

@@ -7,7 +7,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from msgdrop_cli.analysis.statistics import Interval, bootstrap_band, mean
+from msgdrop_cli.analysis.intervals import mean_band
+from msgdrop_cli.analysis.statistics import Interval, mean
 from msgdrop_cli.errors import RecordError
 from msgdrop_cli.records.packed import log_file
 from msgdrop_cli.records.parsing import LARGEST_NUMBER
@@ -25,7 +26,7 @@ class Curve:
     by_seed: Mapping[int, list[float]]
     mean: list[float]
     band: list[Interval] | None
-    """95% bootstrap interval of the mean, for two seeds just lowest to highest; None for one."""
+    """95% sign-flip interval of the mean; below six seeds lowest to highest, None for one."""
 
 
 class Window(NamedTuple):
@@ -38,9 +39,7 @@ class Window(NamedTuple):
     value: float
 
 
-def learning_curve(
-    records: Sequence[RunRecord], metric: str, *, bootstrap_seed: int
-) -> Curve | None:
+def learning_curve(records: Sequence[RunRecord], metric: str) -> Curve | None:
     """The mean curve of one arm's runs, and its band; None when no env step is common to all seeds.
 
     metric: a key of `metrics.jsonl`.
@@ -54,7 +53,7 @@ def learning_curve(
         env_steps=grid,
         by_seed=by_seed,
         mean=[mean(column) for column in zip(*by_seed.values(), strict=True)],
-        band=_band(list(by_seed.values()), bootstrap_seed),
+        band=mean_band(list(by_seed.values())),
     )
 
 
@@ -109,11 +108,3 @@ def _smooth(windows: Sequence[Window]) -> dict[int, float]:
 def _weighted_mean(windows: Sequence[Window]) -> float:
     weight = sum(window.length for window in windows)
     return sum(window.length * window.value for window in windows) / weight
-
-
-def _band(curves: list[list[float]], bootstrap_seed: int) -> list[Interval] | None:
-    import numpy as np
-
-    if len(curves) == 1:
-        return None
-    return bootstrap_band(curves, np.random.default_rng(bootstrap_seed))

@@ -1,7 +1,8 @@
 """Estimates over seeds: the seed is the unit; a run's episodes are one number before they get here.
 
 Every random draw comes from a generator that the caller passes in. Percentile bootstrap intervals
-of few seeds are too narrow (test_statistics measures it): with 2 seeds they are just min to max.
+of few seeds are too narrow (test_statistics measures it), so there is none below ten; intervals of
+means are no bootstrap at all (`intervals`).
 """
 
 import math
@@ -13,6 +14,8 @@ if TYPE_CHECKING:
 
 RESAMPLES = 10_000
 LEVEL = 0.95
+FEWEST_RESAMPLED = 10
+"""Seeds; fewer are not resampled."""
 
 
 class Interval(NamedTuple):
@@ -38,76 +41,24 @@ def interquartile_mean(values: Sequence[float]) -> float:
     return mean(sorted(values)[cut : len(values) - cut])
 
 
-def bootstrap_interval(
-    values: Sequence[float], rng: "Generator", *, resamples: int = RESAMPLES
-) -> Interval | None:
-    """95% percentile bootstrap interval of the mean; None for one value, which has no spread.
-
-    Raises ValueError when there is no value.
-    """
-    _check_some(values)
-    if len(values) == 1:
-        return None
-    return _percentiles(_resampled_means([[value] for value in values], rng, resamples))[0]
-
-
 def iqm_interval(
     values: Sequence[float], rng: "Generator", *, resamples: int = RESAMPLES
 ) -> Interval | None:
-    """95% percentile bootstrap interval of the interquartile mean; None for one value."""
+    """95% percentile bootstrap interval of the interquartile mean; None below FEWEST_RESAMPLED.
+
+    Raises ValueError when there is no value.
+    """
     import numpy as np
 
     _check_some(values)
     n = len(values)
-    if n == 1:
+    if n < FEWEST_RESAMPLED:
         return None
     drawn = np.sort(rng.choice(np.asarray(values, dtype=np.float64), (resamples, n)), axis=1)
     cut = n // 4
-    return _percentiles(drawn[:, cut : n - cut].mean(1, keepdims=True))[0]
-
-
-def bootstrap_band(
-    curves: Sequence[Sequence[float]], rng: "Generator", *, resamples: int = 2_000
-) -> list[Interval]:
-    """95% bootstrap interval of the mean curve at each point; whole curves are resampled.
-
-    curves: [seeds][points], one list per seed, equally long. Returns [points].
-    """
-    _check_some(curves)
-    return _percentiles(_resampled_means(curves, rng, resamples))
-
-
-def difference_interval(
-    first: Sequence[float], second: Sequence[float], rng: "Generator", *, resamples: int = RESAMPLES
-) -> Interval | None:
-    """95% bootstrap interval of mean(first) - mean(second), two unpaired groups of seeds.
-
-    None when a group has one value. For paired seeds use `bootstrap_interval` of the differences.
-    """
-    _check_some(first)
-    _check_some(second)
-    if min(len(first), len(second)) == 1:
-        return None
-    drawn = [_resampled_means([[v] for v in group], rng, resamples) for group in (first, second)]
-    return _percentiles(drawn[0] - drawn[1])[0]
-
-
-def _resampled_means(values: Sequence[Sequence[float]], rng: "Generator", resamples: int) -> Any:
-    """Means of resampled seeds. values: [seeds][points]; returns float64 [resamples, points]."""
-    import numpy as np
-
-    n = len(values)
-    # How often each seed is drawn says all about a resample; one product then serves all points.
-    counts = rng.multinomial(n, np.full(n, 1.0 / n), size=resamples)
-    return counts @ np.asarray(values, dtype=np.float64) / n
-
-
-def _percentiles(means: Any) -> list[Interval]:
-    """The central 95% of each column. means: [resamples, points]; returns [points]."""
-    import numpy as np
-
-    low, high = np.quantile(means, [(1.0 - LEVEL) / 2.0, (1.0 + LEVEL) / 2.0], axis=0)
-    return [Interval(float(a), float(b)) for a, b in zip(low, high, strict=True)]
+    means = drawn[:, cut : n - cut].mean(1)
+    low, high = np.quantile(means, [(1.0 - LEVEL) / 2.0, (1.0 + LEVEL) / 2.0])
+    return Interval(float(low), float(high))
 
 
 def _check_some(values: Sequence[Any]) -> None:

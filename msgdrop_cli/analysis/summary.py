@@ -14,12 +14,12 @@ from types import MappingProxyType
 from typing import Any, NamedTuple
 
 from msgdrop_cli.analysis.evaluations import Measured, comparable
+from msgdrop_cli.analysis.intervals import mean_interval
 from msgdrop_cli.analysis.labels import remarks, shared_overrides
 from msgdrop_cli.analysis.metrics import UNKNOWN, Metrics, metrics_of
 from msgdrop_cli.analysis.order import in_order
 from msgdrop_cli.analysis.statistics import (
     Interval,
-    bootstrap_interval,
     interquartile_mean,
     iqm_interval,
     mean,
@@ -54,9 +54,9 @@ class Row:
     iqm: float
     """Interquartile mean over seeds."""
     interval: Interval | None
-    """95% bootstrap interval of the mean over seeds; None for one seed."""
+    """95% sign-flip interval of the mean over seeds; below six lowest to highest, None for one."""
     iqm_interval: Interval | None
-    """The same of the interquartile mean."""
+    """95% bootstrap interval of the interquartile mean; None below ten seeds."""
     episodes: int
     """Evaluation episodes of each seed: as many as of every other row of its group."""
     recorded: int
@@ -80,6 +80,8 @@ class Arm:
     """Finished runs in order of their seeds."""
     failed: int
     diverged: int
+    lost: frozenset[int]
+    """Seeds whose run failed or diverged."""
     unfinished: int
     """Planned, running or interrupted runs."""
     metrics: Metrics
@@ -224,6 +226,7 @@ def _arm(runs: Sequence[RunRecord]) -> Arm:
         done=done,
         failed=failed,
         diverged=diverged,
+        lost=frozenset(run.seed for run in runs if run.status in ("failed", "diverged")),
         unfinished=len(runs) - len(done) - failed - diverged,
         metrics=metrics_of((done or runs)[0]),
         rows=(),
@@ -248,7 +251,7 @@ def _rows(
                 by_seed=by_seed,
                 mean=mean(values),
                 iqm=interquartile_mean(values),
-                interval=bootstrap_interval(values, rng),
+                interval=mean_interval(values),
                 iqm_interval=iqm_interval(values, rng),
                 episodes=episodes,
                 recorded=max(evaluation.recorded for evaluation in seeds.values()),

@@ -66,7 +66,7 @@ def publish(
     order = tuple(definition.variants)
     summary = summarise(records, order=order, references=references_of(records, folder.made()))
     note_left_out(summary)
-    text = tables(summary, judge_claims(asked.claims, summary))
+    text = tables(summary, judge_claims(asked.claims, summary, definition))
     copies = copy(records, folder)  # what cannot be summarised is not published
     page = write_atomic(folder, TABLES, text.encode())
     drawn = draw_all(summary, folder.at(FIGURES))

@@ -6,7 +6,8 @@ Which environments and algorithms exist is not known here; `plan` checks them.
 import itertools
 import os
 import stat
-from collections.abc import Iterable, Mapping
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal
@@ -14,7 +15,15 @@ from typing import Literal
 from msgdrop_cli.definition.channel import NONE_BROKEN, Channel, check_each_once
 from msgdrop_cli.definition.figures import all_figures, part_of
 from msgdrop_cli.definition.shipped import shipped_questions
-from msgdrop_cli.definition.spec import NAME, Claim, Definition, Profile, Variant
+from msgdrop_cli.definition.spec import (
+    MOST_IN_FAMILY,
+    NAME,
+    Claim,
+    Definition,
+    Profile,
+    Registration,
+    Variant,
+)
 from msgdrop_cli.definition.strict import Where, build, read_toml
 from msgdrop_cli.errors import DefinitionError, nearest
 
@@ -69,6 +78,8 @@ class QuestionFile:
     none is named, e.g. `[profiles.quick]`."""
     claims: tuple[ClaimTable, ...] = ()
     """Sentences that get a verdict, one table each, e.g. `[[claims]]`."""
+    registration: Registration | None = None
+    """When the claims are looked at, and how sure a verdict must be, e.g. `[registration]`."""
 
     def __post_init__(self) -> None:
         check_each_once(self.channels)
@@ -124,10 +135,13 @@ def _parsed(name: str, file: str, content: bytes, *, shipped: bool) -> Definitio
     _check_names([name], where)
     read = build(QuestionFile, read_toml(content, where), where)
     _check(read, where)
-    claims = itertools.chain.from_iterable(
-        _claims(claim, read, where.at("claims").at(str(number)))
+    claims = tuple(
+        each
         for number, claim in enumerate(read.claims, start=1)
+        for each in _claims(claim, read, where.at("claims").at(str(number)))
     )
+    if read.registration:
+        _check_registration(read.registration, claims, where.at("registration"))
     return Definition(
         name=name,
         file=file,
@@ -138,7 +152,8 @@ def _parsed(name: str, file: str, content: bytes, *, shipped: bool) -> Definitio
         channels=read.channels,
         variants=read.variants,
         profiles=read.profiles,
-        claims=tuple(claims),
+        claims=claims,
+        registration=read.registration,
         shipped=shipped,
     )
 
@@ -214,6 +229,22 @@ def _claims(claim: ClaimTable, read: QuestionFile, where: Where) -> Iterable[Cla
         )
         for environment, winner, loser in itertools.product(environments, better, worse)
     ]
+
+
+def _check_registration(rule: Registration, claims: Sequence[Claim], where: Where) -> None:
+    """Refuse margins of what no claim is about, and families that are too large to be tested."""
+    metrics = {claim.metric for claim in claims}
+    for metric in rule.margin:
+        if metric not in metrics:
+            known = nearest(metric[:64], metrics)
+            raise where.at("margin").at(metric).error(f"no claim compares it; {known}")
+    for (environment, measure), count in Counter(claim.family for claim in claims).items():
+        if count > MOST_IN_FAMILY:
+            place = f"{environment}, {'in' if measure == 'learning' else 'after'} training"
+            raise where.error(
+                f"{count} claims are of one family ({place}); at most {MOST_IN_FAMILY} can be"
+                " judged together"
+            )
 
 
 def _listed(value: str | tuple[str, ...]) -> tuple[str, ...]:

@@ -21,6 +21,7 @@ from msgdrop_cli.definition.overrides import (
     parse_override,
 )
 from msgdrop_cli.definition.readings import as_overrides, under
+from msgdrop_cli.definition.registration import registered_as
 from msgdrop_cli.definition.run_id import run_id
 from msgdrop_cli.definition.spec import (
     NAME,
@@ -251,6 +252,7 @@ class _Resolver:
             profile=self.called,
             spec=spec,
             overrides=described(applied(self.overrides, variant), spec),
+            registration=registered_as(self.definition),
         )
 
     def _explored(self, paper: Any) -> tuple[Where, dict[str, int]]:

@@ -3,6 +3,7 @@
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from itertools import pairwise
 from typing import Any, Literal
 
 from msgdrop_cli.definition.channel import NONE_BROKEN, Channel, check_each_once
@@ -13,6 +14,9 @@ MOST_LOG_ROWS = 100_000
 """Rows of a log: more are refused before they are written, and when they are read."""
 MOST_EPISODES = 10_000
 """Of one evaluation; a log has room for ten of them."""
+
+MOST_LOOKS, MOST_IN_FAMILY = 12, 10
+"""Of a registration; all 2^n sets of the claims of a family are tested."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -72,6 +76,8 @@ class PlannedRun:
     spec: RunSpec
     overrides: tuple[str, ...] = ()
     """What `--set` changed: `algorithm.gamma=0.9`, `variants.md-0.2.algorithm.rate=0.3`."""
+    registration: str | None = None
+    """What had been registered when it was planned, by `registered_as` (cosmetic)."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -88,6 +94,49 @@ class Claim:
     """Of the evaluation that is compared."""
     measure: Literal["evaluation", "learning"] = "evaluation"
     """`evaluation`: after training; `learning`: the mean of the whole training curve."""
+
+    @property
+    def family(self) -> tuple[str, str]:
+        """Claims that share it are judged together: those of one figure, as a rule."""
+        return self.environment, self.measure
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Registration:
+    """What decides the claims of a question, settled before their runs are looked at."""
+
+    looks: tuple[int, ...]
+    """Numbers of seeds, each of them seeds 1 to n, at which there is a verdict."""
+    alpha_spent: tuple[float, ...]
+    """Of all studies of wrong claims the share that may have decided one, by each of the looks."""
+    sides: Literal[1, 2] = 2
+    """2: a claim may be contradicted; 1: it may not."""
+    margin: Mapping[str, float] = field(default_factory=dict)
+    """By metric: a difference that is surely smaller is called level."""
+    seen: int = 0
+    """Seeds that had been looked at before this was registered; the alpha of that look is spent."""
+
+    def __post_init__(self) -> None:
+        increasing = all(0 < a < b for a, b in pairwise((1, *self.looks)))
+        if not increasing or not 1 <= len(self.looks) <= MOST_LOOKS:
+            raise ValueError(f"looks needs 1 to {MOST_LOOKS} rising numbers of seeds, from 2 on")
+        if len(self.alpha_spent) != len(self.looks):
+            raise ValueError("alpha_spent must have a number for each of the looks")
+        if not all(0 < a <= b < 1 for a, b in pairwise((self.alpha_spent[0], *self.alpha_spent))):
+            raise ValueError("alpha_spent adds up: numbers between 0 and 1 that do not decrease")
+        if any(margin <= 0.0 for margin in self.margin.values()):
+            raise ValueError("a margin must be above 0")
+        if self.seen < 0:
+            raise ValueError("seen cannot be negative")
+
+    @property
+    def alpha(self) -> float:
+        """What is spent by the last look."""
+        return self.alpha_spent[-1]
+
+    def share(self, look: int) -> float:
+        """What look number 0, 1, ... may spend at least, whatever was left before it."""
+        return self.alpha_spent[look] - (self.alpha_spent[look - 1] if look else 0.0)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -160,5 +209,7 @@ class Definition:
     variants: Mapping[str, Variant]
     profiles: Mapping[str, Profile]
     claims: tuple[Claim, ...]
+    registration: Registration | None = None
+    """None: there are estimates, and no verdicts."""
     shipped: bool = False
     """It came with the program, so its claims are the paper's."""

@@ -57,6 +57,7 @@ class _Run:
     status: Status
     reason: str | None = None
     overrides: tuple[str, ...] = ()
+    registration: str | None = None
     environment: str
     seed: int
     spec: Mapping[str, Any]
@@ -98,6 +99,12 @@ class RunRecord:
     def overrides(self) -> tuple[str, ...]:
         """What `--set` changed: `algorithm.gamma=0.9`, `variants.md-0.2.algorithm.rate=0.3`."""
         return tuple(self.run.get("overrides", ()))
+
+    @property
+    def registration(self) -> str | None:
+        """What had been registered when it was planned; None before there was anything."""
+        named = self.run.get("registration")
+        return None if named is None else str(named)
 
     @property
     def environment(self) -> str:
@@ -229,6 +236,7 @@ def create_run(path: Path, planned: PlannedRun, facts: Mapping[str, Any]) -> Run
         "overrides": list(planned.overrides),
         "definition": planned.definition,
         "profile": planned.profile,
+        "registration": planned.registration,
         "status": "planned",
         "reason": None,
         "environment": planned.spec.environment,

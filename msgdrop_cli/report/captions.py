@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 
+from msgdrop_cli.analysis.intervals import FEWEST
 from msgdrop_cli.analysis.summary import Arm, Group, Summary
 
 
@@ -43,10 +44,11 @@ def _numbers(numbers: Sequence[int]) -> str:
 def spread_note(seeds: set[int], mean_mark: str, spread_mark: str) -> str:
     """What the marks mean for these numbers of seeds."""
     notes = []
-    if max(seeds) >= 3:
-        notes.append(f"{spread_mark}: 95% bootstrap interval of the mean")
-    if 2 in seeds:
-        notes.append(f"{spread_mark}: lowest to highest (2 seeds)")
+    if max(seeds) >= FEWEST:
+        notes.append(f"{spread_mark}: 95% interval of the mean, inverted sign-flips")
+    if few := sorted(count for count in seeds if 1 < count < FEWEST):
+        numbers = " or ".join(map(str, few))
+        notes.append(f"{spread_mark}: lowest to highest ({numbers} seeds)")
     if 1 in seeds:
         notes.append(f"1 seed: no {spread_mark}")
     return f"{mean_mark.capitalize()}: mean over seeds; {'; '.join(notes)}."

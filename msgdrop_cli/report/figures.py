@@ -62,7 +62,7 @@ def draw_learning(summary: Summary, group: Group) -> "Figure | None":
     metric = summary.metrics(group.environment).headline
     curves: list[tuple[Shown, Curve]] = []
     for each in shown_arms(summary, group):
-        curve = learning_curve(each.arm.done, metric.name, bootstrap_seed=summary.bootstrap_seed)
+        curve = learning_curve(each.arm.done, metric.name)
         if curve is not None:
             curves.append((each, curve))
     if not curves:

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from msgdrop_cli.analysis.claims import Verdict
 from msgdrop_cli.analysis.summary import Summary
+from msgdrop_cli.analysis.verdict import Verdict
 from msgdrop_cli.errors import RecordError
 from msgdrop_cli.records.files import CANNOT_WRITE, TEMPORARY, write_json_atomic
 from msgdrop_cli.records.packed import log_bytes, pack, packed_name

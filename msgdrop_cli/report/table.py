@@ -7,10 +7,11 @@ for one of another scale.
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from msgdrop_cli.analysis.claims import MINIMUM_SEEDS, Verdict
+from msgdrop_cli.analysis.intervals import FEWEST
 from msgdrop_cli.analysis.metrics import NamedMetric
-from msgdrop_cli.analysis.statistics import Interval
+from msgdrop_cli.analysis.statistics import FEWEST_RESAMPLED, Interval
 from msgdrop_cli.analysis.summary import Arm, Group, Row, Summary
+from msgdrop_cli.analysis.verdict import Verdict
 from msgdrop_cli.definition.channel import MANY, NONE_BROKEN, Channel, title_of
 from msgdrop_cli.records.references import References
 
@@ -114,7 +115,7 @@ def claims_table(verdicts: Sequence[Verdict]) -> Table:
                 if group
                 else verdict.claim.environment,
                 _compared(verdict),
-                _with_interval(verdict.difference, _interval(verdict)),
+                _with_interval(verdict.difference, verdict.interval),
                 verdict.verdict,
                 verdict.reason,
             )
@@ -123,9 +124,10 @@ def claims_table(verdicts: Sequence[Verdict]) -> Table:
         title="Claims",
         headers=("claim", "tested on", "compared", "difference [95% interval]", "verdict", "why"),
         rows=tuple(rows),
-        caption="A difference above 0 speaks for the claim; its interval is a bootstrap over "
-        "seeds, by pairs where both variants have the same seeds. "
-        f"Below {MINIMUM_SEEDS} seeds a claim stays undecided.",
+        caption="A difference above 0 speaks for the claim. It is of all pairs of seeds, as its "
+        f"interval is: inverted sign-flips, lowest to highest below {FEWEST} pairs. A verdict is "
+        "of registered looks alone, by an exact sign-flip test that follows their paths: at most "
+        "alpha of all studies decide a claim of its family of which nothing is true.",
     )
 
 
@@ -149,12 +151,6 @@ def _compared(verdict: Verdict) -> str:
     when = "over training" if claim.measure == "learning" else "after training"
     through = f", {claim.channel.short}" if claim.channel != NONE_BROKEN else ""
     return f"{claim.better} against {claim.worse}: {label} {when}{through}"
-
-
-def _interval(verdict: Verdict) -> Interval | None:
-    if verdict.low is None or verdict.high is None:
-        return None
-    return Interval(verdict.low, verdict.high)
 
 
 def reference_label(name: str) -> str:
@@ -234,8 +230,9 @@ def _scale(summary: Summary, group: Group) -> str:
 
 def _headline_note(metric: NamedMetric) -> str:
     return (
-        f"{metric.label} = {metric.formula}. Mean over seeds with 95% bootstrap interval "
-        "(2 seeds: lowest to highest); failed and diverged runs have no value and are counted."
+        f"{metric.label} = {metric.formula}. Mean over seeds with 95% interval by inverted "
+        f"sign-flips (below {FEWEST} seeds: lowest to highest), of the IQM by bootstrap from "
+        f"{FEWEST_RESAMPLED} seeds on; failed and diverged runs have no value and are counted."
     )
 
 

@@ -23,7 +23,13 @@ _GAP = 2
 """Spaces between two columns."""
 _TEXT_WIDTH = 100
 """Lines longer than that are hard to read."""
-_VERDICTS = {"supported": "green", "contradicted": "red", "undecided": "yellow"}
+_VERDICTS = {
+    "supported": "green",
+    "contradicted": "red",
+    "level": "cyan",
+    "undecided": "yellow",
+    "under-specified": "yellow",
+}
 
 
 def result(text: str) -> None:

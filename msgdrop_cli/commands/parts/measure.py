@@ -43,9 +43,8 @@ def measure(
                 results,
                 channels=channels,
                 episodes=episodes,
+                question=question,
                 claims=_judgeable(question, records) if question else (),
-                of_the_paper=question is not None and question.shipped,
-                order=tuple(question.variants) if question else (),
                 figures=figures_folder(results, question.name) if question else None,
                 as_json=as_json,
             )

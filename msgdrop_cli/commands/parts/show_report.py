@@ -5,14 +5,15 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from msgdrop_cli.analysis.claims import Verdict, judge_claims
+from msgdrop_cli.analysis.claims import judge_claims
 from msgdrop_cli.analysis.summary import Summary, summarise
+from msgdrop_cli.analysis.verdict import Verdict
 from msgdrop_cli.commands.parts import console
 from msgdrop_cli.commands.parts.find_references import references_of
 from msgdrop_cli.commands.parts.play_missing import only
 from msgdrop_cli.commands.parts.words import several
 from msgdrop_cli.definition.channel import Channel
-from msgdrop_cli.definition.spec import Claim
+from msgdrop_cli.definition.spec import Claim, Definition
 from msgdrop_cli.records.store import RunRecord
 from msgdrop_cli.report.figures import draw_all
 from msgdrop_cli.report.table import channels_table, claims_table, results_table
@@ -28,26 +29,28 @@ def report(
     *,
     channels: Sequence[Channel],
     episodes: int,
+    question: Definition | None = None,
     claims: Sequence[Claim] = (),
-    of_the_paper: bool = False,
-    order: Sequence[str] = (),
     figures: Folder | None = None,
     as_json: bool = False,
     about: Mapping[str, Any] | None = None,
 ) -> None:
     """Show one table per group of comparable runs, the claims' verdicts, and the figures' paths.
 
-    With several channels a second table stands them side by side. Every number is
-    of the first `episodes` of an evaluation. of_the_paper: who states the claims. Reference
-    policies are looked for, and kept, in the results folder `root`. The numbers may have taken
-    minutes, so they are shown before a figure can fail.
+    With several channels a second table stands them side by side. Every number is of the first
+    `episodes` of an evaluation. question: it orders the variants and says how its claims are
+    judged, those of `claims`. Reference policies are looked for, and kept, in the results folder
+    `root`. The numbers may have taken minutes, so they are shown before a figure can fail.
     Raises RecordError: rows that cannot be read, or figures that cannot be written (73, 74).
     """
     everything = summarise(
-        records, order=order, references=references_of(records, root), episodes=episodes
+        records,
+        order=tuple(question.variants) if question else (),
+        references=references_of(records, root),
+        episodes=episodes,
     )
     summary = only(everything, channels)
-    verdicts = judge_claims(claims, summary)
+    verdicts = judge_claims(claims, summary, question) if question else []
     if as_json:
         _report_json(everything, summary, verdicts, figures, about or {})
         return
@@ -55,8 +58,8 @@ def report(
         console.table(results_table(summary, group, channels[0]), numbers_from=_TEXT_COLUMNS)
         if len(channels) > 1:
             console.table(channels_table(summary, group), numbers_from=_TEXT_COLUMNS)
-    if verdicts:
-        _show(verdicts, "Claims of the paper" if of_the_paper else "Claims")
+    if question and verdicts:
+        _show(verdicts, "Claims of the paper" if question.shipped else "Claims")
     if figures:
         note_left_out(everything)
     for number, path in enumerate(draw_all(everything, figures) if figures else []):
@@ -115,8 +118,10 @@ def _verdict_json(verdict: Verdict) -> dict[str, Any]:
         "verdict": verdict.verdict,
         "reason": verdict.reason,
         "difference": verdict.difference,
-        "low": verdict.low,
-        "high": verdict.high,
+        "low": verdict.interval.low if verdict.interval else None,
+        "high": verdict.interval.high if verdict.interval else None,
         "seeds": verdict.seeds,
-        "paired": verdict.paired,
+        "lost": verdict.lost,
+        "evidence": verdict.evidence._asdict() if verdict.evidence else None,
+        "prospect": verdict.prospect._asdict() if verdict.prospect else None,
     }

@@ -1,0 +1,153 @@
+"""The claims of one family judged together, as their question has registered it."""
+
+from collections.abc import Sequence
+from statistics import fmean
+
+from msgdrop_cli.analysis.intervals import flip_interval, mean_interval
+from msgdrop_cli.analysis.pairs import Pair
+from msgdrop_cli.analysis.prospects import Prospect, prospect
+from msgdrop_cli.analysis.sequential import decided, flips_of, looks_reached
+from msgdrop_cli.analysis.sign_flips import (
+    Flipped,
+    holm,
+    p_value,
+    sampling_error,
+    smallest_p,
+    step_down,
+)
+from msgdrop_cli.analysis.verdict import Evidence, Verdict, Word
+from msgdrop_cli.definition.spec import Registration
+
+_NOT_REGISTERED = "an estimate: the question has no [registration] of looks and alpha"
+
+
+def judge_family(pairs: Sequence[Pair], rule: Registration | None) -> list[Verdict]:
+    """One verdict for each pair of arms, in their order; without a registration all are open."""
+    if rule is None:
+        return [_verdict(pair, "undecided", _NOT_REGISTERED) for pair in pairs]
+    flips = flips_of([pair.first for pair in pairs], rule)
+    when = decided(flips, rule) or [None] * len(pairs)
+    found = [_evidence(each, number, rule) for number, each in enumerate(flips)]
+    verdicts = []
+    for number, (pair, look) in enumerate(zip(pairs, when, strict=True)):
+        reached = looks_reached(len(pair.first), rule)
+        word: Word = "undecided"
+        if look is not None:
+            word = "supported" if fmean(pair.first[: rule.looks[look]]) > 0.0 else "contradicted"
+        elif (look := _level_at(pair, reached, rule, len(pairs))) is not None:
+            word = "level"
+        elif reached:
+            look = reached - 1
+        evidence = None if look is None else found[look][number]
+        ahead = prospect(pair, reached, rule, len(pairs)) if word == "undecided" else None
+        reason = _reason(pair, word, evidence, rule, ahead)
+        verdicts.append(_verdict(pair, word, reason, evidence, ahead))
+    return verdicts
+
+
+def _verdict(
+    pair: Pair,
+    word: Word,
+    reason: str,
+    evidence: Evidence | None = None,
+    ahead: Prospect | None = None,
+) -> Verdict:
+    values = [*pair.differences.values()]
+    return Verdict(
+        claim=pair.claim,
+        verdict=word,
+        reason=reason,
+        group=pair.group,
+        difference=fmean(values) if values else None,
+        interval=mean_interval(values) if values else None,
+        seeds=len(values),
+        lost=pair.lost,
+        evidence=evidence,
+        prospect=ahead,
+    )
+
+
+def _evidence(flips: Flipped, number: int, rule: Registration) -> list[Evidence | None]:
+    """The numbers of every claim that has this look's seeds."""
+    seeds = rule.looks[number]
+    there = [claim for claim, row in enumerate(flips.statistics) if row[0] > float("-inf")]
+    alone = [p_value(flips.statistics[claim]) for claim in there]
+    family = step_down(flips.statistics)
+    found: list[Evidence | None] = [None] * len(flips.statistics)
+    for claim, p, p_holm in zip(there, alone, holm(alone), strict=True):
+        found[claim] = Evidence(
+            look=number + 1,
+            seeds=seeds,
+            p=p,
+            p_family=family[claim],
+            p_holm=p_holm,
+            smallest_p=smallest_p(seeds, rule.sides),
+            sampling_error=sampling_error(p, seeds),
+            alpha_spent=rule.alpha_spent[number],
+            alpha=rule.alpha,
+        )
+    return found
+
+
+def _level_at(pair: Pair, reached: int, rule: Registration, family: int) -> int | None:
+    """The first look at which the difference is surely within the margin, or None.
+
+    Its interval leaves out what the look may spend, shared by the family: so at most alpha of all
+    studies call a difference level that is not.
+    """
+    margin = rule.margin.get(pair.claim.metric)
+    if margin is None:
+        return None
+    for number in range(reached):
+        values = pair.first[: rule.looks[number]]
+        interval = flip_interval(values, rule.share(number) / family)
+        if interval and -margin <= interval.low and interval.high <= margin:
+            return number
+    return None
+
+
+def _reason(
+    pair: Pair, word: Word, evidence: Evidence | None, rule: Registration, ahead: Prospect | None
+) -> str:
+    """Why it is this word, in one line."""
+    parts = [_said_of(evidence)] if evidence else []
+    if evidence and evidence.seeds <= rule.seen:
+        parts.append("looked at before it was registered, so that alpha is gone")
+    if word == "level":
+        margin = rule.margin[pair.claim.metric]
+        parts.append(f"surely within {margin:g} of 0")
+    if word == "undecided":
+        parts.append(_next_look(pair, rule))
+        if ahead:
+            parts.append(_in_words(ahead, rule))
+    if pair.lost:
+        parts.append(f"{pair.lost} lost to failed or diverged runs, which count as the worst")
+    if pair.overridden:
+        parts.append(f"both with {', '.join(pair.overridden)}")
+    return "; ".join(parts)
+
+
+def _said_of(evidence: Evidence) -> str:
+    error = f" (drawn, +- {evidence.sampling_error:.1g})" if evidence.sampling_error else ""
+    return (
+        f"look {evidence.look}, seeds 1 to {evidence.seeds}: p {evidence.p:.2g}{error},"
+        f" smallest possible {evidence.smallest_p:.2g}, in its family {evidence.p_family:.2g}"
+        f" (Holm {evidence.p_holm:.2g}); alpha spent {evidence.alpha_spent:g} of {evidence.alpha:g}"
+    )
+
+
+def _next_look(pair: Pair, rule: Registration) -> str:
+    reached = looks_reached(len(pair.first), rule)
+    if reached == len(rule.looks):
+        return "no look is left"
+    name = "next" if reached else "first"
+    missing = len(pair.first) + 1
+    gap = f", seed {missing} is missing" if len(pair.first) < len(pair.differences) else ""
+    return f"{name} registered look at {rule.looks[reached]} seeds{gap}"
+
+
+def _in_words(ahead: Prospect, rule: Registration) -> str:
+    hours = ahead.training_s / 3600.0
+    cost = f"{hours:.1f} h" if hours >= 1.0 else f"{max(1.0, ahead.training_s / 60.0):.0f} min"
+    beyond = "" if ahead.registered else f", more than the {rule.looks[-1]} that are registered"
+    return f"{ahead.seeds} would probably decide{beyond} (about {cost} of training)"

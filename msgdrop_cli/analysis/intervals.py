@@ -1,0 +1,85 @@
+"""Intervals over seeds: the means that a sign-flip test of the seeds does not reject.
+
+Below six seeds no such test reaches 5%: there the lowest and the highest seed stand for the
+interval, and whoever shows it says so. Nothing is resampled.
+"""
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+from msgdrop_cli.analysis.sign_flips import DRAWN_WITH, ENUMERATED, SAMPLE, TOLERANCE
+from msgdrop_cli.analysis.statistics import Interval
+
+ALPHA = 0.05
+FEWEST = 6
+"""Seeds from which on an interval covers 95%: 2 / 2^6 is below 5%, 2 / 2^5 is not."""
+_MOST_OF_CURVES = 2**12
+"""Subsets of whole curves; more of them are drawn from."""
+
+
+def mean_interval(values: Sequence[float]) -> Interval | None:
+    """95% interval of the mean over seeds, lowest to highest below FEWEST; None for one seed.
+
+    Raises ValueError when there is no value.
+    """
+    band = mean_band([[value] for value in values])
+    return band[0] if band else None
+
+
+def mean_band(curves: Sequence[Sequence[float]]) -> list[Interval] | None:
+    """The same of the mean curve, at each point for itself; curves: [seeds][points]."""
+    if not curves:
+        raise ValueError("an interval needs at least one seed")
+    if len(curves) == 1:
+        return None
+    if len(curves) < FEWEST:
+        return [Interval(min(point), max(point)) for point in zip(*curves, strict=True)]
+    return flip_band(curves, ALPHA)
+
+
+def flip_interval(values: Sequence[float], alpha: float) -> Interval | None:
+    """The means that a two-sided sign-flip test of the values does not reject at `alpha`.
+
+    None where it can reject none.
+    """
+    band = flip_band([[value] for value in values], alpha)
+    return band[0] if band else None
+
+
+def flip_band(curves: Sequence[Sequence[float]], alpha: float) -> list[Interval] | None:
+    """The interval of `flip_interval` at each point of curves [seeds][points]; None likewise.
+
+    Both ends are means of some of the seeds: the test rejects a mean if too few of the 2^n - 1
+    subsets have a smaller one, or a larger one (Hartigan's typical values), so the ends cut off
+    exactly that share of the subsets.
+    """
+    import numpy as np
+
+    means = _subset_means(np.asarray(curves, dtype=np.float64))
+    cut = math.floor(alpha / 2.0 * (len(means) + 1) + TOLERANCE)
+    if cut < 1:
+        return None
+    ordered = np.partition(means, (cut - 1, len(means) - cut), axis=0)
+    pairs = zip(ordered[cut - 1], ordered[len(means) - cut], strict=True)
+    return [Interval(float(low), float(high)) for low, high in pairs]
+
+
+def _subset_means(table: Any) -> Any:
+    """The mean of every subset of the rows but the empty one, or of a sample of them.
+
+    table: [seeds, points]; returns [subsets, points].
+    """
+    import numpy as np
+
+    seeds, points = table.shape
+    if 2**seeds <= (2**ENUMERATED if points == 1 else _MOST_OF_CURVES):
+        sums, counts = np.zeros((1, points)), np.zeros(1)
+        for row in table:
+            sums = np.concatenate([sums, sums + row])
+            counts = np.concatenate([counts, counts + 1.0])
+        return sums[1:] / counts[1:, None]
+    drawn = SAMPLE if points == 1 else _MOST_OF_CURVES
+    chosen = np.random.default_rng(DRAWN_WITH).integers(0, 2, (drawn - 1, seeds))
+    chosen[chosen.sum(axis=1) == 0] = 1  # hardly ever: the whole set instead of the empty one
+    return (chosen @ table) / chosen.sum(axis=1, keepdims=True)

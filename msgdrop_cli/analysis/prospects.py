@@ -1,0 +1,68 @@
+"""What would probably decide a claim that is open: at how many seeds, and for how much training.
+
+A forecast from what was seen: it decides nothing, so it may use the normal distribution.
+"""
+
+import math
+from collections.abc import Sequence
+from statistics import NormalDist, fmean, stdev
+from typing import NamedTuple
+
+from msgdrop_cli.analysis.pairs import Pair
+from msgdrop_cli.analysis.sign_flips import smallest_p
+from msgdrop_cli.definition.spec import Registration
+
+_IN_REACH = 5
+"""Times the seeds of the last look: what would take more is not forecast."""
+
+
+class Prospect(NamedTuple):
+    """When an open claim would be decided if what was seen goes on."""
+
+    seeds: int
+    """A registered look, or more seeds than the last one has."""
+    registered: bool
+    training_s: float
+    """One after the other, as long as the runs that are there took."""
+
+
+def prospect(pair: Pair, look: int, rule: Registration, family: int) -> Prospect | None:
+    """The first look from number `look` on that more likely than not decides.
+
+    family: claims that are judged together; each is given its part of what a look may spend. None
+    where nothing is known of the spread, or where no number of seeds in reach would do.
+    """
+    values = [*pair.differences.values()]
+    spread = stdev(values) if len(values) > 1 else 0.0
+    if not spread:
+        return None
+    effect = abs(fmean(values)) / spread
+    for number in range(look, len(rule.looks)):
+        seeds = rule.looks[number]
+        share = rule.share(number)
+        if smallest_p(seeds, rule.sides) <= share and effect * math.sqrt(seeds) >= _far(
+            share / rule.sides / family
+        ):
+            return Prospect(seeds, True, _training_s(pair, seeds))
+    last = rule.looks[-1]
+    seeds = math.ceil((_far(rule.alpha / rule.sides / family) / max(effect, 1e-9)) ** 2)
+    if seeds > _IN_REACH * last:
+        return None
+    return Prospect(max(seeds, last + 1), False, _training_s(pair, max(seeds, last + 1)))
+
+
+def _far(share: float) -> float:
+    """How many standard errors a difference must have to be as rare on one side."""
+    return NormalDist().inv_cdf(1.0 - share) if share > 0.0 else math.inf
+
+
+def _training_s(pair: Pair, seeds: int) -> float:
+    return sum(
+        (seeds - len(arm.done)) * _mean_s([run.run["wall_time_s"] for run in arm.done])
+        for arm in (pair.better, pair.worse)
+        if len(arm.done) < seeds
+    )
+
+
+def _mean_s(times: Sequence[float]) -> float:
+    return fmean(times) if times else 0.0

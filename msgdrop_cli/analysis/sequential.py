@@ -1,0 +1,89 @@
+"""The rule of verdicts: a closed, group-sequential sign-flip test of a family of claims.
+
+A look spends a share of alpha: of all patterns of signs as many may cross its boundary, in paths
+that crossed none before, as the registration allows. A claim is decided once every set of claims
+that contains it has crossed; the statistic of a set is its largest. So at most alpha of all studies
+decide a claim of which nothing is true, whichever of the others are.
+
+Assumed: where a claim is wrong, a seed's differences are as likely as their opposites, those of
+several wrong claims together (common flips). Differences of arms that are paired and exchangeable
+are.
+"""
+
+import math
+from collections.abc import Sequence
+from itertools import combinations
+from typing import Any
+
+from msgdrop_cli.analysis.sign_flips import TOLERANCE, Flipped, flipped
+from msgdrop_cli.definition.spec import Registration
+
+
+def looks_reached(seeds: int, rule: Registration) -> int:
+    """How many registered looks the first `seeds` seeds are enough for."""
+    return sum(look <= seeds for look in rule.looks)
+
+
+def flips_of(differences: Sequence[Sequence[float]], rule: Registration) -> list[Flipped]:
+    """The flips of a family at every look that one of its claims has reached.
+
+    differences: [claims][seeds], seeds in the order of their numbers.
+    """
+    reached = looks_reached(max(map(len, differences), default=0), rule)
+    starts = (0, *rule.looks)
+    return [
+        flipped(differences, seeds, starts[number], sides=rule.sides)
+        for number, seeds in enumerate(rule.looks[:reached])
+    ]
+
+
+def decided(flips: Sequence[Flipped], rule: Registration) -> list[int | None]:
+    """For each claim of the family the look (0, 1, ...) that decides it, or None.
+
+    Every set of claims is followed along the looks, the largest first: most claims that stay open
+    stay so by the first set that holds them, and sets of such claims need not be followed.
+    """
+    if not flips:
+        return []
+    claims = len(flips[0].statistics)
+    decides = [0.0] * claims
+    for size in range(claims, 0, -1):
+        for members in combinations(range(claims), size):
+            if any(decides[claim] < math.inf for claim in members):
+                crossed = _crossed_at([*members], flips, rule)
+                for claim in members:
+                    decides[claim] = max(decides[claim], crossed)
+    return [None if look == math.inf else int(look) for look in decides]
+
+
+def _crossed_at(members: list[int], flips: Sequence[Flipped], rule: Registration) -> float:
+    """The first look at which the observed path of these claims' maximum crosses; inf for none."""
+    crossed: Any = None
+    for number, (statistics, earlier) in enumerate(flips):
+        highest = statistics[members].max(axis=0)
+        before = None if crossed is None else crossed[earlier]
+        crossed = highest > _boundary(highest, before, number, rule) + TOLERANCE
+        if before is not None:
+            crossed |= before
+        if crossed[0]:
+            return number
+    return math.inf
+
+
+def _boundary(highest: Any, before: Any, number: int, rule: Registration) -> float:
+    """What a path must exceed at a look, so that no more paths than allowed have crossed by then.
+
+    highest: the statistic of each pattern; before: which of them have crossed already.
+    """
+    import numpy as np
+
+    used = 0.0 if before is None else float(before.sum())
+    if number and rule.looks[number - 1] <= rule.seen:
+        # Looked at before it was registered: that alpha is gone, whether it could be used or not.
+        used = max(used, rule.alpha_spent[number - 1] * len(highest))
+    allowed = math.floor(rule.alpha_spent[number] * len(highest) - used + TOLERANCE)
+    candidates = highest if before is None else highest[~before]
+    if allowed < 1 or allowed >= len(candidates):
+        return math.inf
+    place = len(candidates) - 1 - allowed
+    return float(np.partition(candidates, place)[place])

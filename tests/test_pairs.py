@@ -1,0 +1,147 @@
+"""Which runs a claim compares, and what each of them counts as."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from msgdrop_cli.analysis.claims import judge_claims
+from msgdrop_cli.analysis.summary import summarise
+from msgdrop_cli.definition.channel import Channel
+from tests.claims import CLAIM, HIGH, LOW, asking, verdict_on
+from tests.fake_runs import GROUP, write_arm, write_run
+
+
+def test_evaluation_is_compared_at_the_claims_broken_links(tmp_path: Path) -> None:
+    """What counts is the channel that the claim names, not the unbroken one."""
+    records = [
+        write_run(tmp_path, variant, seed, catches={0.0: intact, 0.5: broken + seed % 2})
+        for variant, intact, broken in (("dcc", 20, 1), ("md-0.2", 10, 5))
+        for seed in range(1, 7)
+    ]
+    assert verdict_on(records).verdict == "contradicted"
+    assert verdict_on(records, replace(CLAIM, channel=Channel.read("half"))).verdict == "supported"
+
+
+def test_learning_compares_the_mean_of_the_curve(tmp_path: Path) -> None:
+    """Who learns earlier wins on `learning` though both end level; nulls are left out."""
+    records = [
+        write_run(tmp_path, variant, seed, curve=[*early, 8.0], catches={0.0: 8})
+        for variant, early in (("dcc", (0.0, 0.0, 4.0)), ("md-0.2", (None, 6.0, 7.0)))
+        for seed in range(1, 7)
+    ]
+    assert verdict_on(records).verdict == "level"
+    verdict = verdict_on(records, replace(CLAIM, measure="learning"))
+    assert (verdict.verdict, verdict.difference) == ("supported", 4.0)  # 21/3 - 12/4
+
+
+def test_a_missing_variant_is_named(tmp_path: Path) -> None:
+    """It says what has to be run."""
+    verdict = verdict_on(write_arm(tmp_path, "dcc", LOW))
+    assert (verdict.verdict, verdict.reason) == ("not run", "no run of md-0.2")
+    assert verdict.group == GROUP
+
+
+def test_an_unfinished_variant_is_no_run(tmp_path: Path) -> None:
+    """A run that is not done does not speak."""
+    records = write_arm(tmp_path, "dcc", LOW) + write_arm(
+        tmp_path, "md-0.2", HIGH, status="interrupted"
+    )
+    assert verdict_on(records).reason == "no finished run of md-0.2"
+
+
+def test_no_run_at_all(tmp_path: Path) -> None:
+    """Records of other variants leave a claim undecided, without a group."""
+    verdict = verdict_on(write_arm(tmp_path, "fdc", LOW))
+    assert verdict.reason == "no run of md-0.2 or dcc on pursuit-n6"
+    assert verdict.group is None
+
+
+def test_a_missing_evaluation_is_named(tmp_path: Path) -> None:
+    """Runs that were never evaluated with these links say nothing about them."""
+    records = write_arm(tmp_path, "dcc", LOW) + write_arm(tmp_path, "md-0.2", HIGH)
+    verdict = verdict_on(records, replace(CLAIM, channel=Channel.read("half")))
+    assert "no catches_per_500 of md-0.2 (evaluation with half of the links" in verdict.reason
+
+
+def test_lengths_are_judged_apart(tmp_path: Path) -> None:
+    """Short and long training give a verdict each, and may disagree."""
+    records = [
+        *write_arm(tmp_path, "dcc", LOW),
+        *write_arm(tmp_path, "md-0.2", HIGH),
+        *write_arm(tmp_path, "dcc", HIGH, train_env_steps=2000),
+        *write_arm(tmp_path, "md-0.2", LOW, train_env_steps=2000),
+    ]
+    verdicts = judge_claims([CLAIM], summarise(records), asking(CLAIM))
+    assert [(v.group and v.group.train_env_steps, v.verdict) for v in verdicts] == [
+        (1000, "supported"),
+        (2000, "contradicted"),
+    ]
+
+
+def test_two_set_ups_of_a_variant_are_not_chosen_between(tmp_path: Path) -> None:
+    """Nobody picks the setting that suits the claim."""
+    records = [
+        *write_arm(tmp_path, "dcc", LOW),
+        *write_arm(tmp_path, "md-0.2", HIGH),
+        *write_arm(tmp_path, "md-0.2", LOW, algorithm={"gamma": 0.9}),
+    ]
+    assert verdict_on(records).reason == "md-0.2 was trained with 2 different set-ups"
+
+
+@pytest.mark.parametrize("status", ["failed", "diverged"])
+@pytest.mark.parametrize(("variant", "word"), [("md-0.2", "undecided"), ("dcc", "supported")])
+def test_a_run_that_broke_down_has_the_worst_value(
+    tmp_path: Path, variant: str, word: str, status: str
+) -> None:
+    """It is no missing seed: the arm that is ahead loses by it, the other one does not gain."""
+    values = {"dcc": [1, 2, 1, 2, 1], "md-0.2": [11, 12, 12, 11, 12]}
+    records = [run for name in values for run in write_arm(tmp_path, name, values[name])]
+    other = "dcc" if variant == "md-0.2" else "md-0.2"
+    records.append(write_run(tmp_path, variant, 6, status=status))
+    records.append(write_run(tmp_path, other, 6, catches={0.0: {"dcc": 2, "md-0.2": 11}[other]}))
+    verdict = verdict_on(records)
+    assert (verdict.verdict, verdict.lost, verdict.seeds) == (word, 1, 6)
+    assert verdict.difference == pytest.approx((51 + (10 if word == "supported" else -1)) / 6)
+    assert "1 lost to failed or diverged runs, which count as the worst" in verdict.reason
+
+
+def test_an_arm_that_always_breaks_down_loses(tmp_path: Path) -> None:
+    """`Full element-wise dropout fails to train` is no missing comparison."""
+    records = write_arm(tmp_path, "md-0.2", HIGH)
+    records += [write_run(tmp_path, "dcc", seed, status="diverged") for seed in range(1, 7)]
+    verdict = verdict_on(records)
+    assert verdict.lost == 6
+    assert verdict.difference == pytest.approx(0.5)
+    both = [write_run(tmp_path / "2", v, 1, status="failed") for v in ("dcc", "md-0.2")]
+    assert verdict_on(both).reason == "all runs of md-0.2 and dcc broke down"
+
+
+def test_no_claim_was_about_a_variant_that_was_overridden(tmp_path: Path) -> None:
+    """What `--set` changed of one of the two leaves it undecided."""
+    records = write_arm(tmp_path, "dcc", LOW)
+    records += write_arm(tmp_path, "md-0.2", HIGH, overrides=["variants.md-0.2.algorithm.rate=0.3"])
+    verdict = verdict_on(records)
+    assert verdict.verdict == "undecided"
+    assert verdict.reason == "md-0.2 was overridden: algorithm.rate=0.3"
+
+
+def test_what_was_overridden_of_both_is_told(tmp_path: Path) -> None:
+    """It is another scale, as a profile is."""
+    both = {"overrides": ["algorithm.gamma=0.9"]}
+    records = write_arm(tmp_path, "dcc", LOW, **both) + write_arm(tmp_path, "md-0.2", HIGH, **both)
+    verdict = verdict_on(records)
+    assert verdict.verdict == "supported"
+    assert "; both with algorithm.gamma=0.9" in verdict.reason
+
+
+def test_one_run_under_two_names_is_not_compared_with_itself(tmp_path: Path) -> None:
+    """Two questions may have published it, each by its own name."""
+    records = write_arm(tmp_path, "dcc", LOW)
+    records += [
+        replace(record, run={**record.run, "variant": "md-0.2", "label": "MD"})
+        for record in records
+    ]
+    verdict = verdict_on(records)
+    assert verdict.verdict == "undecided"
+    assert verdict.reason == "md-0.2 and dcc are one run under two names"

@@ -1,0 +1,72 @@
+"""The published records under the registered rule: what README and results/README say of them."""
+
+from collections import Counter
+from functools import cache
+from pathlib import Path
+
+import pytest
+
+from msgdrop_cli.analysis.claims import judge_claims
+from msgdrop_cli.analysis.summary import Summary, summarise
+from msgdrop_cli.analysis.verdict import Verdict
+from msgdrop_cli.definition.load import load_definition
+from msgdrop_cli.records.store import list_runs
+
+PUBLISHED = Path(__file__).parents[1] / "results" / "published"
+STUDIES = {
+    "broken-links-two-million": "broken-links",
+    "navigation-million-nearest": "navigation",
+    "navigation-half-million": "navigation",
+    "waterworld-half-million": "waterworld",
+}
+
+
+@cache
+def study(folder: str) -> Summary:
+    """Its arms, measured."""
+    return summarise(list_runs(PUBLISHED / folder))
+
+
+def verdicts(folder: str, measure: str) -> list[Verdict]:
+    """Of the claims of one study and measure, on the game that was played."""
+    definition = load_definition(STUDIES[folder])
+    summary = study(folder)
+    games = {group.environment for group in summary.groups}
+    claims = [c for c in definition.claims if c.environment in games and c.measure == measure]
+    return judge_claims(claims, summary, definition)
+
+
+@pytest.mark.parametrize("folder", STUDIES)
+def test_nothing_is_decided_yet(folder: str) -> None:
+    """Six seeds reach no p that the registration would take, and two reach none at all."""
+    found = verdicts(folder, "evaluation") + verdicts(folder, "learning")
+    assert {verdict.verdict for verdict in found} <= {"undecided", "not run"}
+    assert all("registered look at" in each.reason for each in found if each.seeds)
+
+
+def test_all_directions_of_the_broken_links_are_the_papers() -> None:
+    """Eight of eight; p is 2 / 64 six times and 4 / 64 twice; step-down keeps three, Holm none."""
+    found = verdicts("broken-links-two-million", "evaluation")
+    assert all(each.difference is not None and each.difference > 0.0 for each in found)
+    evidence = [each.evidence for each in found if each.evidence]
+    assert Counter(each.p for each in evidence) == {0.03125: 6, 0.0625: 2}
+    assert sum(each.p_family <= 0.05 for each in evidence) == 3
+    assert {each.p_holm for each in evidence} == {0.25}
+    assert {each.smallest_p for each in evidence} == {0.03125}
+
+
+@pytest.mark.parametrize(("measure", "below"), [("learning", 4), ("evaluation", 0)])
+def test_navigation_in_training_and_after(measure: str, below: int) -> None:
+    """In training all six seeds agree in all four comparisons, after it in none."""
+    found = verdicts("navigation-million-nearest", measure)
+    assert all(each.difference is not None and each.difference > 0.0 for each in found)
+    assert sum(each.evidence.p <= 0.05 for each in found if each.evidence) == below
+
+
+def test_published_runs_are_from_before_there_was_a_registration() -> None:
+    """They read as before, and the verdict says so."""
+    records = list_runs(PUBLISHED)
+    assert {record.registration for record in records} == {None}
+    for verdict in verdicts("broken-links-two-million", "evaluation"):
+        assert "looked at before it was registered, so that alpha is gone" in verdict.reason
+        assert "12 of the runs are from before broken-links:" in verdict.reason
