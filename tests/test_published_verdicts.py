@@ -1,5 +1,6 @@
 """The published records under the registered rule: what README and results/README say of them."""
 
+import re
 from collections import Counter
 from functools import cache
 from pathlib import Path
@@ -14,6 +15,7 @@ from msgdrop_cli.records.store import list_runs
 
 PUBLISHED = Path(__file__).parents[1] / "results" / "published"
 STUDIES = {
+    "blockwise-vs-elementwise-two-million": "blockwise-vs-elementwise",
     "broken-links-two-million": "broken-links",
     "navigation-million-nearest": "navigation",
     "navigation-half-million": "navigation",
@@ -24,7 +26,11 @@ STUDIES = {
 @cache
 def study(folder: str) -> Summary:
     """Its arms, measured."""
-    return summarise(list_runs(PUBLISHED / folder))
+    records = list_runs(PUBLISHED / folder)
+    if folder.startswith("blockwise"):  # shares three of its variants with the other question
+        others = list_runs(PUBLISHED / "broken-links-two-million")
+        records += [record for record in others if record.variant != "md-0.5"]
+    return summarise(records)
 
 
 def verdicts(folder: str, measure: str) -> list[Verdict]:
@@ -70,3 +76,26 @@ def test_published_runs_are_from_before_there_was_a_registration() -> None:
     for verdict in verdicts("broken-links-two-million", "evaluation"):
         assert "looked at before it was registered, so that alpha is gone" in verdict.reason
         assert "12 of the runs are from before broken-links:" in verdict.reason
+
+
+def test_the_table_of_what_was_judged_again_is_what_comes_out() -> None:
+    """Every row of results/README: the difference with its interval, p alone, together, by Holm."""
+    table = (PUBLISHED.parent / "README.md").read_text().partition("## Judged again")[2]
+    rows = [line.split(" | ") for line in table.partition("\n## ")[0].splitlines()]
+    typed = [row[1:5] for row in rows if row[0].startswith("| ") and row[-1] != "was |"]
+    found = [
+        [each.difference, *(each.interval or ()), each.evidence]
+        for folder, measure in (
+            ("broken-links-two-million", "evaluation"),
+            ("blockwise-vs-elementwise-two-million", "evaluation"),
+            ("blockwise-vs-elementwise-two-million", "learning"),
+            ("navigation-million-nearest", "learning"),
+            ("navigation-million-nearest", "evaluation"),
+        )
+        for each in verdicts(folder, measure)
+    ]
+    assert len(typed) == len(found) == 20
+    for (difference, *ps), (mean, low, high, evidence) in zip(typed, found, strict=True):
+        numbers = [float(number) for number in re.findall(r"-?[\d.]+", difference)]
+        assert numbers == pytest.approx([mean, low, high], abs=0.0501)
+        assert ps == [f"{p:.2g}" for p in (evidence.p, evidence.p_family, evidence.p_holm)]

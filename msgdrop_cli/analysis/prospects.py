@@ -12,6 +12,8 @@ from msgdrop_cli.analysis.pairs import Pair
 from msgdrop_cli.analysis.sign_flips import smallest_p
 from msgdrop_cli.definition.spec import Registration
 
+_FEWEST = 3
+"""Pairs, for two say nearly nothing of a spread."""
 _IN_REACH = 5
 """Times the seeds of the last look: what would take more is not forecast."""
 
@@ -33,7 +35,7 @@ def prospect(pair: Pair, look: int, rule: Registration, family: int) -> Prospect
     where nothing is known of the spread, or where no number of seeds in reach would do.
     """
     values = [*pair.differences.values()]
-    spread = stdev(values) if len(values) > 1 else 0.0
+    spread = stdev(values) if len(values) >= _FEWEST else 0.0
     if not spread:
         return None
     effect = abs(fmean(values)) / spread

@@ -1,0 +1,116 @@
+"""How often the rule of verdicts is wrong, and how soon right: simulated studies, judged by it.
+
+    python -m benchmarks.verdict_level --studies 100000
+
+Each study has four arms and the four claims of two of them against the other two, as a question
+has: arms of one seed share its luck, claims share arms. Nothing here is a model of the rule; the
+studies go through the code of the program, look by look, until nothing is open.
+"""
+
+import argparse
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from msgdrop_cli.analysis.sequential import decided, flips_of
+from msgdrop_cli.definition.spec import Registration
+
+RULE = Registration(looks=(6, 8, 10, 12), alpha_spent=(0.015, 0.025, 0.035, 0.05))
+"""Four looks as the shipped questions have, of fewer seeds: 10^5 times 2^19 patterns take a day."""
+SHIPPED = Registration(looks=(6, 10, 14, 20), alpha_spent=(0.015, 0.025, 0.035, 0.05))
+SEED = 1
+CLAIMS = ((0, 2), (0, 3), (1, 2), (1, 3))
+"""Better and worse of four arms."""
+
+Noise = Callable[[np.random.Generator, tuple[int, int]], Any]
+NOISE: dict[str, tuple[Noise, float]] = {
+    "normal": (lambda rng, shape: rng.normal(size=shape), 1.0),
+    "heavy": (lambda rng, shape: rng.standard_t(3, size=shape), 3.0**0.5),
+    "skewed": (lambda rng, shape: rng.exponential(size=shape), 1.0),
+}
+"""What a seed does to an arm, and its standard deviation."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Found:
+    """What became of the studies of one kind."""
+
+    wrong: float
+    """Share of them that decided a claim of which nothing is true."""
+    right: tuple[float, ...]
+    """Share of true claims that were supported by each look."""
+    seeds: float
+    """Seeds at which a study ended, on average: nothing open, or no look left."""
+
+
+def simulate(
+    rule: Registration, studies: int, *, better: int, effect: float, noise: str = "normal"
+) -> Found:
+    """Judge studies in which the first `better` of the two better arms are ahead.
+
+    effect: in standard deviations of a seed's difference.
+    """
+    wrong, ended, right = 0, 0, np.zeros(len(rule.looks))
+    for study in drawn(rule.looks[-1], studies, better=better, effect=effect, noise=noise):
+        when = decided(flips_of(study, rule), rule)
+        true = [look for (arm, _), look in zip(CLAIMS, when, strict=True) if arm < better]
+        false = [look for (arm, _), look in zip(CLAIMS, when, strict=True) if arm >= better]
+        wrong += any(look is not None for look in false)
+        for look in true:
+            if look is not None:
+                right[look:] += 1.0 / len(true)
+        ended += rule.looks[max(len(rule.looks) - 1 if look is None else look for look in when)]
+    return Found(wrong=wrong / studies, right=tuple(right / studies), seeds=ended / studies)
+
+
+def drawn(
+    seeds: int, studies: int, *, better: int, effect: float, noise: str
+) -> Iterator[list[list[float]]]:
+    """The differences of every study: [claims][seeds]."""
+    rng = np.random.default_rng(SEED)
+    draw, deviation = NOISE[noise]
+    shift = np.zeros((4, 1))
+    shift[:better] = effect * deviation * 2.0**0.5
+    for _ in range(studies):
+        arms = draw(rng, (4, seeds)) + shift  # what a seed does to all arms alike cancels
+        yield [(arms[first] - arms[second]).tolist() for first, second in CLAIMS]
+
+
+def main() -> None:
+    """Print a row of Markdown for each kind of study."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--studies", type=int, default=100_000, help="a tenth for power alone")
+    parser.add_argument("--shipped", action="store_true", help="the four looks of the questions")
+    options = parser.parse_args()
+    rule = SHIPPED if options.shipped else RULE
+    looks = " | ".join(f"by {look} seeds" for look in rule.looks)
+    print(f"| true claims | d | noise | studies | wrong | {looks} | ended at |")
+    print("|---" * (6 + len(rule.looks)) + "|")
+    kinds = [(0, 0.0, name) for name in NOISE]
+    kinds += [(1, 2.0, name) for name in NOISE]
+    kinds += [(1, 1.0, "normal"), (1, 1.5, "normal")]
+    kinds += [(2, effect, "normal") for effect in (1.0, 1.5, 2.0)]
+    for rank, (better, effect, noise) in enumerate(kinds):
+        studies = options.studies // (1 if rank < 2 * len(NOISE) else 10)
+        found = simulate(rule, studies, better=better, effect=effect, noise=noise)
+        print(_row(found, studies, better=better, effect=effect, noise=noise), flush=True)
+
+
+def _row(found: Found, studies: int, *, better: int, effect: float, noise: str) -> str:
+    error = (found.wrong * (1.0 - found.wrong) / studies) ** 0.5
+    cells = [
+        f"{2 * better} of {len(CLAIMS)}",
+        f"{effect:g}" if better else "",
+        noise,
+        f"{studies:,}",
+        f"{found.wrong:.2%} +- {error:.2%}" if better < 2 else "",
+        *(f"{share:.1%}" if better else "" for share in found.right),
+        f"{found.seeds:.1f}",
+    ]
+    return "| " + " | ".join(cells) + " |"
+
+
+if __name__ == "__main__":
+    main()

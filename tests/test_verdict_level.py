@@ -1,0 +1,28 @@
+"""The rule's level and power, on fewer studies than the benchmark's 100,000."""
+
+import pytest
+
+from benchmarks.verdict_level import NOISE, simulate
+from msgdrop_cli.definition.spec import Registration
+
+RULE = Registration(looks=(6, 8, 10), alpha_spent=(0.02, 0.035, 0.05))
+STUDIES = 1_000
+HIGHEST = 0.05 + 3.0 * (0.05 * 0.95 / STUDIES) ** 0.5
+"""Three standard errors above 5%."""
+
+
+@pytest.mark.parametrize("noise", NOISE)
+@pytest.mark.parametrize("better", [0, 1])
+def test_at_most_one_study_in_twenty_is_wrong(noise: str, better: int) -> None:
+    """About a claim of which nothing is true, whether all or half of the four are such."""
+    found = simulate(RULE, STUDIES, better=better, effect=2.0, noise=noise)
+    assert 0.01 < found.wrong <= HIGHEST
+
+
+def test_large_effects_are_found_soon() -> None:
+    """Two standard deviations by ten seeds nearly always; six seeds cannot tell by 2%."""
+    found = simulate(RULE, 200, better=2, effect=2.0)
+    assert found.right[0] == 0.0
+    assert found.right[2] > 0.95
+    assert found.wrong == 0.0
+    assert found.seeds < 10.0
