@@ -1,15 +1,12 @@
 """Definitions are read from TOML, whole or not at all."""
 
 import random
-import re
 from pathlib import Path
 
 import pytest
 
 from msgdrop_cli.definition.channel import NONE_BROKEN, Channel
 from msgdrop_cli.definition.load import list_definitions, load_definition
-from msgdrop_cli.definition.registration import registered_as
-from msgdrop_cli.definition.spec import Registration
 from msgdrop_cli.errors import DefinitionError
 
 GOOD = """
@@ -128,95 +125,6 @@ def test_a_mistake_is_one_clear_line(tmp_path: Path, old: str, new: str, message
     """Each mistake in a good file is named with its key and what was expected."""
     assert old in GOOD
     assert load(tmp_path, GOOD.replace(old, new, 1)) == message
-
-
-REGISTERED = """
-[registration]
-looks = [6, 10]
-alpha_spent = [0.02, 0.05]
-margin = { score = 1 }
-"""
-
-
-def test_a_registration_is_read(tmp_path: Path) -> None:
-    """Two sides unless it says one; without it there is none."""
-    file = tmp_path / "mine.toml"
-    file.write_text(GOOD)
-    assert load_definition(str(file)).registration is None
-    assert registered_as(load_definition(str(file))) is None
-    file.write_text(GOOD + REGISTERED)
-    read = load_definition(str(file))
-    assert read.registration == Registration(
-        looks=(6, 10), alpha_spent=(0.02, 0.05), sides=2, margin={"score": 1.0}, seen=0
-    )
-    assert re.fullmatch("mine:[0-9a-f]{8}", registered_as(read) or "")
-
-
-@pytest.mark.parametrize(
-    ("old", "new", "same"),
-    [
-        ("6, 10", "6, 11", False),
-        ("0.02", "0.03", False),
-        ("{ score = 1 }", "{ score = 2 }", False),
-        ("looks", "seen = 6\nlooks", False),
-        ("looks", "sides = 1\nlooks", False),
-        ('worse = ["a"]\nenvironment = ["tiny-n2", "tiny-n4"]',
-         'worse = ["a"]\nenvironment = "tiny-n2"', False),
-        ("B beats A", "A is beaten", True),
-        ("seeds = 2", "seeds = 3", True),
-    ],
-)  # fmt: skip
-def test_a_registration_is_known_by_what_can_change_a_verdict(
-    tmp_path: Path, old: str, new: str, same: bool
-) -> None:
-    """Its rule and which claims there are; no word of a claim, and no scale."""
-    file = tmp_path / "mine.toml"
-    names = []
-    assert old in GOOD + REGISTERED
-    for text in (GOOD + REGISTERED, (GOOD + REGISTERED).replace(old, new, 1)):
-        file.write_text(text)
-        names.append(registered_as(load_definition(str(file))))
-    assert (names[0] == names[1]) == same
-
-
-@pytest.mark.parametrize(
-    ("old", "new", "message"),
-    [
-        ("[6, 10]", "[]", ": looks needs 1 to 12 rising numbers of seeds, from 2 on"),
-        ("[6, 10]", "[10, 6]", ": looks needs 1 to 12 rising numbers of seeds, from 2 on"),
-        ("[6, 10]", "[1, 10]", ": looks needs 1 to 12 rising numbers of seeds, from 2 on"),
-        ("[6, 10]", "[6]", ": alpha_spent must have a number for each of the looks"),
-        ("[0.02, 0.05]", "[0.05, 0.02]", ": alpha_spent adds up: numbers between 0 and 1 that do "
-         "not decrease"),
-        ("[0.02, 0.05]", "[0.02, 1.0]", ": alpha_spent adds up: numbers between 0 and 1 that do "
-         "not decrease"),
-        ("score = 1", "score = 0", ": a margin must be above 0"),
-        ("score = 1", "scores = 1", ".margin.scores: no claim compares it; did you mean 'score'?"),
-        ("looks", "seen = -1\nlooks", ": seen cannot be negative"),
-        ("looks", "sides = 3\nlooks", ".sides: expected one of 1, 2, not 3"),
-        ("looks", "look = 3\nlooks", ".look: unknown key; did you mean 'looks'?"),
-    ],
-)  # fmt: skip
-def test_a_mistake_in_a_registration_is_one_clear_line(
-    tmp_path: Path, old: str, new: str, message: str
-) -> None:
-    """It is read as strictly as everything else."""
-    text = REGISTERED.replace(old, new, 1)
-    assert text != REGISTERED
-    assert load(tmp_path, GOOD + text) == f"registration{message}"
-
-
-def test_a_family_has_an_end(tmp_path: Path) -> None:
-    """All sets of its claims are tested: eleven would be 2,047."""
-    variants = "".join(
-        f'[variants.c{n}]\nlabel = "C{n}"\nalgorithm = {{ name = "plain" }}\n' for n in range(11)
-    )
-    text = GOOD.replace("[profiles.quick]", variants + "[profiles.quick]")
-    text = text.replace('worse = ["a"]', f"worse = {[f'c{n}' for n in range(11)]}")
-    assert load(tmp_path, text + REGISTERED) == (
-        "registration: 11 claims are of one family (tiny-n2, after training); at most 10 can be"
-        " judged together"
-    )
 
 
 def test_what_is_no_toml_is_refused(tmp_path: Path) -> None:

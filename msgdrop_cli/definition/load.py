@@ -38,10 +38,12 @@ class ClaimTable:
     """The sentence, e.g. `"DCC-MD catches more than DCC when links break"`."""
     source: str
     """Where it stands, e.g. `"l. 528"`."""
-    better: str | tuple[str, ...]
+    better: str | tuple[str, ...] = ()
     """The variant that wins, or several, each of which does, e.g. `["md-0.2"]`."""
-    worse: str | tuple[str, ...]
+    worse: str | tuple[str, ...] = ()
     """The variant that loses, or several, e.g. `"dcc"`."""
+    order: str | None = None
+    """Instead of both a chain, each better than the next, e.g. `"fdc > md-0.2 > dcc"`."""
     environment: str | tuple[str, ...]
     """In which game, or in which ones, e.g. `"pursuit-n6"`."""
     metric: str
@@ -205,13 +207,10 @@ def _check_known(names: tuple[str, ...] | None, known: Iterable[str], where: Whe
 
 def _claims(claim: ClaimTable, read: QuestionFile, where: Where) -> Iterable[Claim]:
     """Every ordering that one sentence of the paper contains."""
-    better, worse, environments = map(_listed, (claim.better, claim.worse, claim.environment))
-    _check_known(better, read.variants, where.at("better"))
-    _check_known(worse, read.variants, where.at("worse"))
+    orderings = _orderings(claim, read, where)
+    environments = _listed(claim.environment)
     _check_known(environments, read.environments, where.at("environment"))
     _check_names([claim.metric], where.at("metric"))
-    if both := set(better) & set(worse):
-        raise where.error(f"{min(both)!r} cannot be better than itself")
     evaluated = {*read.channels}.union(*(p.channels or () for p in read.profiles.values()))
     if claim.channel not in evaluated:
         known = ", ".join(channel.short for channel in sorted(evaluated))
@@ -227,8 +226,24 @@ def _claims(claim: ClaimTable, read: QuestionFile, where: Where) -> Iterable[Cla
             channel=claim.channel,
             measure=claim.measure,
         )
-        for environment, winner, loser in itertools.product(environments, better, worse)
+        for environment, (winner, loser) in itertools.product(environments, orderings)
     ]
+
+
+def _orderings(claim: _ClaimTable, read: _File, where: Where) -> list[tuple[str, str]]:
+    """Better and worse, pair by pair: of every combination, or of neighbours in an order."""
+    better, worse = _listed(claim.better), _listed(claim.worse)
+    if claim.order is not None:
+        names = tuple(name.strip() for name in claim.order.split(">"))
+        if better or worse or len(names) < 2:
+            raise where.error('expected better and worse, or order = "a > b > c"')
+        _check_known(names, read.variants, where.at("order"))
+        return [*itertools.pairwise(names)]
+    _check_known(better, read.variants, where.at("better"))
+    _check_known(worse, read.variants, where.at("worse"))
+    if both := set(better) & set(worse):
+        raise where.error(f"{min(both)!r} cannot be better than itself")
+    return [*itertools.product(better, worse)]
 
 
 def _check_registration(rule: Registration, claims: Sequence[Claim], where: Where) -> None:
