@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from msgdrop_cli.definition.strict import Where, build, convert, shown
+from msgdrop_cli.definition.strict import Where, build, convert
 from msgdrop_cli.errors import DefinitionError, RecordError
 from msgdrop_cli.records.parsing import LARGEST_NUMBER
 from msgdrop_cli.records.store import RUN, RunRecord
@@ -97,17 +97,16 @@ def metrics_of(record: RunRecord) -> Metrics:
         return UNKNOWN
     where = Where(str(record.path / RUN)).at("metrics")
     try:
-        if not isinstance(table, dict):
-            raise where.error(f"expected a table, not {shown(table)}")
-        if len(table) > _MOST_METRICS:
-            raise where.error(f"expected {_MOST_METRICS} metrics at most, not {len(table):,}")
+        rows = convert(table, Mapping[str, Any], where)
+        if len(rows) > _MOST_METRICS:
+            raise where.error(f"expected {_MOST_METRICS} metrics at most, not {len(rows):,}")
         return Metrics(
             tuple(
                 NamedMetric(
                     name=convert(name, str, where.at(name)),
                     metric=build(Metric, row, where.at(name)),
                 )
-                for name, row in table.items()
+                for name, row in rows.items()
             )
         )
     except DefinitionError as error:

@@ -28,7 +28,7 @@ from msgdrop_cli.definition.channel import NONE_BROKEN, Channel
 from msgdrop_cli.definition.spec import TrainingSpec
 from msgdrop_cli.errors import RecordError
 from msgdrop_cli.records.references import References, game_key
-from msgdrop_cli.records.store import RunRecord
+from msgdrop_cli.records.store import RUN, RunRecord
 
 BOOTSTRAP_SEED = 20190127
 """Seed of every bootstrap, so that the same records give the same interval (ours)."""
@@ -181,19 +181,12 @@ def _once_each(records: Iterable[RunRecord]) -> list[RunRecord]:
 
 
 def _group(record: RunRecord) -> Group:
-    spec = record.spec
-    tables = [spec.get(name) for name in ("environment", "algorithm", "training")]
-    length = spec["training"].get("train_env_steps") if isinstance(tables[2], dict) else None
-    if (
-        not all(isinstance(table, dict) for table in tables)
-        or type(length) is not int
-        or length < 1
-    ):
+    if record.setup is None:
         raise RecordError(
-            f"{record.path / 'run.json'}: spec needs tables environment, algorithm and training "
-            "with a whole number train_env_steps"
+            f"{record.path / RUN}: spec needs tables environment with a name, algorithm with a"
+            " learner, and training with a whole number train_env_steps"
         )
-    return Group(record.environment, length, record.profile)
+    return Group(record.environment, record.setup.train_env_steps, record.profile)
 
 
 def _setup(record: RunRecord) -> str:

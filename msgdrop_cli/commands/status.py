@@ -74,8 +74,7 @@ def _published(lines: Sequence[dict[str, Any]]) -> list[tuple[str, ...]]:
 
 
 def _line(record: RunRecord, now: dict[str, Any]) -> dict[str, Any]:
-    training = record.spec.get("training")
-    total = training.get("train_env_steps") if isinstance(training, dict) else None
+    setup = record.setup
     running = record.status == "running"
     return {
         "environment": record.environment,
@@ -88,7 +87,7 @@ def _line(record: RunRecord, now: dict[str, Any]) -> dict[str, Any]:
         "status": record.status,
         "reason": record.reason,
         "env_steps": int(now["env_steps"]) if running and now else record.env_steps,
-        "train_env_steps": total if isinstance(total, int) else None,
+        "train_env_steps": setup.train_env_steps if setup else None,
         "env_steps_per_s": now.get("env_steps_per_s") if running else None,
         "eta_s": now.get("eta_s") if running else None,
         "silent_s": _silence(record) if running else None,

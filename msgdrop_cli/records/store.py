@@ -21,6 +21,7 @@ from msgdrop_cli.records.folders import RUN as RUN
 from msgdrop_cli.records.folders import run_folders
 from msgdrop_cli.records.packed import log_file, read_log
 from msgdrop_cli.records.parsing import RECORD
+from msgdrop_cli.records.setup import Setup, read_setup
 
 SCHEMA = 1
 RUNS = "runs"
@@ -146,6 +147,11 @@ class RunRecord:
     def spec(self) -> dict[str, Any]:
         """The resolved spec, as `spec_to_dict` made it."""
         return dict(self.run["spec"])
+
+    @property
+    def setup(self) -> Setup | None:
+        """The spec's tables, if they are such as we write."""
+        return read_setup(self.spec)
 
     @property
     def is_own(self) -> bool:

@@ -3,7 +3,7 @@
 import os
 import shutil
 import tempfile
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,6 +19,7 @@ from msgdrop_cli.definition.run_id import spec_to_dict
 from msgdrop_cli.definition.spec import PlannedRun
 from msgdrop_cli.errors import DefinitionError, RecordError
 from msgdrop_cli.records.files import CANNOT_CREATE, CANNOT_WRITE, take_lock
+from msgdrop_cli.records.setup import Setup, read_setup
 from msgdrop_cli.records.store import RunRecord
 
 _RULE, _RULE_COMPILED = (0.2, 0.11), (0.1, 0.027)
@@ -170,23 +171,20 @@ def _measured_speeds(
     from msgdrop_cli.engine import facts
 
     made_by = {"device": device, "kernel": kernel, "host": facts.host()}
-    wanted = _work(spec_to_dict(run.spec))
+    wanted = _work(read_setup(spec_to_dict(run.spec)))
     alike = [
         record
         for record in finished
         if made_by.items() <= record.run.items()
         and float(record.run["wall_time_s"]) > 1.0
         and record.env_steps
-        and _work(record.spec) == wanted
+        and _work(record.setup) == wanted
     ]
     nearest = [record for record in alike if record.is_own] or alike
     return [record.env_steps / float(record.run["wall_time_s"]) for record in nearest]
 
 
-def _work(spec: Mapping[str, Any]) -> Any:
+def _work(setup: Setup | None) -> Any:
     """The settings that decide how much an env step costs; None for a record without any."""
-    environment, algorithm = spec.get("environment"), spec.get("algorithm")
-    if not isinstance(environment, dict) or not isinstance(algorithm, dict):
-        return None
     keys = ("learner", "network", "batch_size", "update_every_env_steps", "replay_start_env_steps")
-    return environment, [algorithm.get(key) for key in keys]
+    return setup and (setup.environment, [setup.algorithm.get(key) for key in keys])

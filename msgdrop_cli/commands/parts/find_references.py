@@ -3,10 +3,8 @@
 from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
-from typing import Any, TypeGuard
 
 from msgdrop_cli.commands.parts import console
-from msgdrop_cli.definition.spec import NAME
 from msgdrop_cli.errors import DefinitionError, RecordError
 from msgdrop_cli.records.references import (
     References,
@@ -26,19 +24,13 @@ def references_of(records: Sequence[RunRecord], root: Path) -> dict[str, Referen
     """
     found: dict[str, References] = {}
     for record in records:
-        game = record.spec.get("environment")
-        if record.status != "done" or not _has_name(game) or game_key(game) in found:
+        if record.status != "done" or record.setup is None:
             continue
-        references = _kept(root, game_key(game)) or _played(record, root)
+        key = game_key(record.setup.environment)
+        references = found.get(key) or _kept(root, key) or _played(record, root, key)
         if references is not None:
-            found[game_key(game)] = references
+            found[key] = references
     return found
-
-
-def _has_name(game: object) -> TypeGuard[dict[str, Any]]:
-    """Whether it is a table with a name that may become a file's."""
-    name = game.get("name") if isinstance(game, dict) else None
-    return isinstance(name, str) and NAME.fullmatch(name) is not None
 
 
 def _kept(root: Path, key: str) -> References | None:
@@ -49,7 +41,7 @@ def _kept(root: Path, key: str) -> References | None:
         return None
 
 
-def _played(record: RunRecord, root: Path) -> References | None:
+def _played(record: RunRecord, root: Path, key: str) -> References | None:
     from msgdrop_cli.engine.play_references import play_references
 
     console.note(f"playing the reference policies of {record.environment}")
@@ -60,5 +52,5 @@ def _played(record: RunRecord, root: Path) -> References | None:
         console.note(f"{error}; figures and tables go without reference policies")
         return None
     with suppress(RecordError):  # a folder that is not ours: they are played again next time
-        keep_references(root, game_key(record.spec["environment"]), table)
+        keep_references(root, key, table)
     return references

@@ -144,8 +144,7 @@ def _is_deaf(record: RunRecord) -> bool:
     """
     from msgdrop_cli.algorithms.discovery import learner_class, learners
 
-    algorithm = record.spec.get("algorithm")
-    learner = algorithm.get("learner") if isinstance(algorithm, dict) else None
+    learner = record.setup.learner if record.setup else None
     return learner in learners() and not learner_class(learner).listens
 
 
