@@ -63,10 +63,10 @@ def step(
     ended = transition.ended
     if waiting.can_ask(ended) and not ended.any():  # a shortcut, never another result
         return games, transition
-    fresh = env.reset(reset_uniforms)
-    obs = torch.where(ended[..., None, None], env.observe(fresh), games.obs)
-    elapsed = torch.where(ended, 0, games.elapsed)
-    return Games(select(ended, fresh, games.state), elapsed, obs), transition
+    # Chosen before they are seen: a game of other people begins only when somebody looks at it.
+    state = select(ended, env.reset(reset_uniforms), games.state)
+    obs = torch.where(ended[..., None, None], env.observe(state), games.obs)
+    return Games(state, torch.where(ended, 0, games.elapsed), obs), transition
 
 
 def take(games: Games, chosen: Tensor) -> Games:

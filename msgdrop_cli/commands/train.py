@@ -10,7 +10,7 @@ import typer
 
 from msgdrop_cli.commands.parts import completion, options, settings, words
 from msgdrop_cli.definition.plan import ad_hoc_definition
-from msgdrop_cli.definition.spec import Definition, Profile
+from msgdrop_cli.definition.spec import Definition, Profile, is_factory
 from msgdrop_cli.errors import DefinitionError, nearest
 
 app = typer.Typer()
@@ -25,7 +25,11 @@ _PROFILES: Mapping[str, Profile] = MappingProxyType(
 """The scales of the shipped questions, with one seed."""
 _Env = Annotated[
     str,
-    typer.Option(metavar="NAME", help="The environment.", autocompletion=completion.environments),
+    typer.Option(
+        metavar="NAME|PACKAGE.MODULE:FACTORY",
+        help="The environment, or what makes a PettingZoo ParallelEnv.",
+        autocompletion=completion.environments,
+    ),
 ]
 _Algorithm = Annotated[
     str, typer.Option(metavar="NAME", help="The algorithm.", autocompletion=completion.algorithms)
@@ -93,6 +97,8 @@ def train(
         checked = replace(checked, overrides=(*checked.overrides, override))
     if steps is not None and steps < 1:
         raise DefinitionError(f"--steps: expected at least 1, not {steps}")
+    if is_factory(env) and checked.device != "cpu":
+        raise DefinitionError("--device: games of other people are played with --device cpu")
     definition = _definition(env, algorithm, profile, rate, steps)
     if settings.HELP in checked.overrides:
         return settings.show_settings(definition, checked, as_json=json)

@@ -1,9 +1,10 @@
 """What exists to choose from. The engine fills it, so that planning needs no torch."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from msgdrop_cli.definition.spec import FOREIGN, is_factory
 from msgdrop_cli.errors import DefinitionError, nearest
 
 
@@ -30,6 +31,16 @@ class PaperSizes:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class ForeignGames:
+    """The games that people name by a factory."""
+
+    config_class: type[Any]
+    """The frozen Config of all of them; its field `factory` says which one it is."""
+    survey: Callable[[str], Any]
+    """`package.module:factory` to its Config; it runs other people's code."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Catalogue:
     """Every environment and algorithm, with the paper's settings, and every channel."""
 
@@ -40,14 +51,29 @@ class Catalogue:
     """By environment and learner."""
     channels: Mapping[str, type[Any]]
     """Kind to its dataclass, whose fields are the settings."""
+    foreign: ForeignGames | None = None
 
     def environment(self, name: str) -> Any:
-        """The Config of the paper's setting `name`; DefinitionError for an unknown one."""
+        """The Config of the paper's setting `name`, or of what the factory `name` makes.
+
+        Raises DefinitionError for an unknown one, or a factory that makes no usable game.
+        """
+        if is_factory(name) and self.foreign is not None:
+            return self.foreign.survey(name)
         if name not in self.environments:
             known = nearest(name[:64], self.environments)
             theirs = "if it is somebody else's game, install its package"
             raise DefinitionError(f"no environment is called {name[:64]!r}; {known}; {theirs}")
         return self.environments[name]
+
+    def environment_class(self, name: str, settings: Mapping[str, Any]) -> type[Any]:
+        """The class of the Config that a record's environment has; nobody's code is run for it.
+
+        Raises DefinitionError for an unknown one.
+        """
+        if self.foreign is not None and name not in self.environments and "factory" in settings:
+            return self.foreign.config_class
+        return type(self.environment(name))
 
     def algorithm(self, name: str) -> NamedAlgorithm:
         """The algorithm that people call `name`; DefinitionError for an unknown one."""
@@ -61,6 +87,7 @@ class Catalogue:
 
         A learner's defaults are the sizes of one game, which would fit others without a word.
         """
+        environment = FOREIGN if is_factory(environment) else environment
         if (environment, learner) not in self.paper:
             fitting = [
                 name

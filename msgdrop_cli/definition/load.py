@@ -230,7 +230,7 @@ def _claims(claim: ClaimTable, read: QuestionFile, where: Where) -> Iterable[Cla
     ]
 
 
-def _orderings(claim: _ClaimTable, read: _File, where: Where) -> list[tuple[str, str]]:
+def _orderings(claim: ClaimTable, read: QuestionFile, where: Where) -> list[tuple[str, str]]:
     """Better and worse, pair by pair: of every combination, or of neighbours in an order."""
     better, worse = _listed(claim.better), _listed(claim.worse)
     if claim.order is not None:

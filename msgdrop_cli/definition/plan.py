@@ -32,6 +32,7 @@ from msgdrop_cli.definition.spec import (
     RunSpec,
     TrainingSpec,
     Variant,
+    record_name,
 )
 from msgdrop_cli.definition.strict import Where, overlay, parse, shallow, shown, whole_number
 from msgdrop_cli.errors import DefinitionError, nearest
@@ -126,7 +127,7 @@ def ad_hoc_definition(
     they exist.
     """
     where = Where("msgdrop train")
-    for name in (environment, *algorithms):
+    for name in (record_name(environment), *algorithms):
         if not NAME.fullmatch(name):
             raise where.error(f"{shown(name)} is not a name")
     if not algorithms or len(set(algorithms)) < len(algorithms):
@@ -235,7 +236,7 @@ class _Resolver:
         algorithm.append(self._explored(overlay(named.config_class, algorithm)))
         training = [(papers.at("training"), sizes.training)]
         spec = RunSpec(
-            environment=environment,
+            environment=record_name(environment),
             environment_config=self._resolved(
                 type(paper), "environment", variant, [(papers, shallow(paper))]
             ),

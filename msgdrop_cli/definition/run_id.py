@@ -67,7 +67,7 @@ def spec_from_dict(table: Any, catalogue: Catalogue, where: Where | str = "spec"
     read = build(_SpecTable, table, where)
     environment, settings = _split(_Named, read.environment, where.at("environment"))
     algorithm, options = _split(_Learner, read.algorithm, where.at("algorithm"))
-    environment_class = type(catalogue.environment(environment.name))
+    environment_class = catalogue.environment_class(environment.name, settings)
     algorithm_class = catalogue.config_class(algorithm.learner)
     return RunSpec(
         environment=environment.name,

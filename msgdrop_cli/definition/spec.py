@@ -10,6 +10,8 @@ from msgdrop_cli.definition.channel import NONE_BROKEN, Channel, check_each_once
 
 NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,63}")
 """Names of definitions, variants, profiles and environments: they become names of folders."""
+FOREIGN = "foreign"
+"""What files of sizes call all games of other people that are named by a factory."""
 MOST_LOG_ROWS = 100_000
 """Rows of a log: more are refused before they are written, and when they are read."""
 MOST_EPISODES = 10_000
@@ -17,6 +19,16 @@ MOST_EPISODES = 10_000
 
 MOST_LOOKS, MOST_IN_FAMILY = 12, 10
 """Of a registration; all 2^n sets of the claims of a family are tested."""
+
+
+def is_factory(environment: str) -> bool:
+    """Whether it is `package.module:factory`, which makes a game of other people."""
+    return ":" in environment
+
+
+def record_name(environment: str) -> str:
+    """What records and folders call an environment: a factory with a dot for its colon."""
+    return environment.replace(":", ".")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -234,9 +234,11 @@ class Checkpoints:
             raise _foreign(path, table.get("version", _FIRST_VERSION), error) from error
 
 
-def restore(training: Training, run: int, checkpoint: Checkpoint) -> None:
+def restore(training: Training, run: int, checkpoint: Checkpoint) -> bool:
     """Put run number `run` back to where `checkpoint` was written; `training` has begun.
 
+    Returns whether its games stand where they stood: one of other people that does not repeat
+    itself from its seed goes on with the same episodes, played differently.
     Raises RunError if it does not fit the run: another version of msgdrop has written it.
     """
     counters, replay, path = checkpoint.counters, training.replay, checkpoint.path
@@ -254,7 +256,11 @@ def restore(training: Training, run: int, checkpoint: Checkpoint) -> None:
     training.learner.resume_at(*counters.progress)
     for name, tensors in checkpoint.segments.items():
         replay.restore_stretch(run, _steps(name)[0], tensors)
-    replay.put(run, training.games.obs[run])
+    seen, before = training.env.observe(training.games.state)[run], training.games.obs[run]
+    is_exact = bool((seen == before).all())
+    before.copy_(seen)
+    replay.put(run, before)
+    return is_exact
 
 
 def state_of(training: Training, run: int) -> dict[str, Tensor]:

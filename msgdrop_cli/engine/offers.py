@@ -1,16 +1,23 @@
 """What can be planned: every environment, learner and channel that stands in a file."""
 
 from collections.abc import Mapping
+from functools import cache
+from importlib import resources
 from typing import Any
 
 from msgdrop_cli.algorithms.discovery import learners
 from msgdrop_cli.channels import kinds
-from msgdrop_cli.definition.catalogue import Catalogue, NamedAlgorithm, PaperSizes
+from msgdrop_cli.definition.catalogue import Catalogue, ForeignGames, NamedAlgorithm, PaperSizes
 from msgdrop_cli.definition.paper import paper_sizes, sizes_in, sizes_of
-from msgdrop_cli.definition.spec import NAME
+from msgdrop_cli.definition.spec import FOREIGN, NAME
 from msgdrop_cli.definition.strict import Where, convert
 from msgdrop_cli.errors import DefinitionError
-from msgdrop_envs import registry
+from msgdrop_envs import foreign, registry
+from msgdrop_envs.foreign.config import Config
+from msgdrop_envs.foreign.survey import survey
+
+_SIZES = "learners.toml"
+"""What learners begin with in games of other people."""
 
 
 def catalogue() -> Catalogue:
@@ -28,6 +35,8 @@ def catalogue() -> Catalogue:
         own = convert(getattr(module, "SIZES", {}), Mapping[str, Any], place)
         by_both = {game: {name: tables} for game, tables in own.items()}
         sizes |= sizes_of(by_both, place, environments, configs)
+    theirs = (resources.files(foreign) / _SIZES).read_bytes()
+    sizes |= sizes_in(theirs, Where(_SIZES), {FOREIGN}, configs)
     for file, content in files.items():
         sizes |= sizes_in(content, Where(file), environments, configs)
     return Catalogue(
@@ -39,7 +48,16 @@ def catalogue() -> Catalogue:
         },
         paper=sizes | paper_sizes(environments, configs),
         channels=kinds(),
+        foreign=ForeignGames(config_class=Config, survey=cache(_surveyed)),
     )
+
+
+def _surveyed(factory: str) -> Config:
+    """The Config of what a factory makes, which the user has asked for."""
+    try:
+        return survey(factory)
+    except registry.GameError as error:
+        raise DefinitionError(str(error)) from error
 
 
 def _games() -> tuple[dict[str, Any], dict[str, bytes]]:

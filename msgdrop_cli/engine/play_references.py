@@ -29,16 +29,20 @@ def play_references(spec: dict[str, Any], where: str) -> dict[str, Any]:
 
     Returns what `records.references` keeps: episodes, seed, commit and, by the policies' names,
     their meaning and the environment's metrics. Raises DefinitionError, naming `where`, for a
-    spec that cannot be read, or a game that would fill the memory or take for ever.
+    spec that cannot be read, or a game that would fill the memory or take for ever, or is other
+    people's and was not asked for.
     """
     config = spec_from_dict(spec, catalogue(), where).environment_config
     if not _is_playable(config):
         raise DefinitionError(f"{where}: spec.environment: the game is too large to be played here")
     env = registry.make(config)
-    policies = {
-        name: {"meaning": baseline.meaning, "metrics": _play(env, baseline)}
-        for name, baseline in registry.baselines(env).items()
-    }
+    try:
+        policies = {
+            name: {"meaning": baseline.meaning, "metrics": _play(env, baseline)}
+            for name, baseline in registry.baselines(env).items()
+        }
+    except registry.GameError as error:
+        raise DefinitionError(f"{where}: {error}") from error
     return {"episodes": EPISODES, "seed": SEED, "commit": commit(), "policies": policies}
 
 

@@ -23,6 +23,7 @@ from msgdrop_cli.errors import DefinitionError, RecordError
 from msgdrop_cli.messages.received import Received
 from msgdrop_cli.records.store import POLICY, RUN, list_runs
 from msgdrop_envs import registry
+from msgdrop_envs.foreign.rules import Foreign
 from msgdrop_envs.protocol import Environment
 
 _Array = np.ndarray[Any, Any]
@@ -61,8 +62,10 @@ class Policy:
         self.environment = trained.spec.environment
         """The name of the setting that it was trained in, e.g. `pursuit-n6`."""
         self._env, self._learner = trained.env, trained.learner
-        view = registry.view(trained.spec.environment_config)
-        self.agents = view.agent_names if view else None
+        config = trained.spec.environment_config
+        view = registry.view(config)
+        names = view.agent_names if view else getattr(config, "agent_names", None)
+        self.agents: tuple[str, ...] | None = names
         """Their names in the order of the networks; None for a game that names nobody."""
 
     def act(self, observations: ObservationsT, keep: Any = None) -> ObservationsT:
@@ -71,8 +74,9 @@ class Policy:
         observations: [..., N, O] for any number of games, or the dictionary of a PettingZoo
         environment, agent to [O]. keep: which messages arrive, [..., N, S] of 0 and 1 (sender k of
         agent i is agent k, or k + 1 from i on); None: all.
-        Returns int64 [..., N], or float32 [..., N, A] in [-1, 1]. Raises ValueError for other
-        shapes, agents, or numbers that this game does not show.
+        Returns int64 [..., N], or float32 [..., N, A]: in [-1, 1], or in the bounds of the game of
+        other people that it was trained in. Raises ValueError for other shapes, agents, or numbers
+        that this game does not show.
         """
         if isinstance(observations, Mapping):
             names = self._names(observations)
@@ -98,6 +102,8 @@ class Policy:
         with torch.inference_mode():
             received = None if arrives is None else Received(arrives)
             actions = self._learner.act_greedily(shown, received)[0]  # [E, N] or [E, N, A]
+            if isinstance(self._env, Foreign):
+                actions = self._env.in_its_units(actions)
         found: _Array = actions.cpu().numpy()
         return found.reshape(*np.shape(observations)[:-2], *found.shape[1:])
 

@@ -39,6 +39,7 @@ from msgdrop_cli.records.store import (
     set_status,
 )
 
+NOT_EXACT = "not bit-exact: it was resumed, and its game does not repeat itself from its seed"
 _LOOK_UP_EVERY_S = 0.5
 _QUICK_S, _PUT_OFF = 0.5, 50
 """What a checkpoint takes beyond half a second must be 2% of the training until the next one."""
@@ -101,7 +102,8 @@ class _Session:
         known = facts(self.training.env, self.kernel, device)  # asks git: once for all
         for number, run in enumerate(runs):
             if run.checkpoint is not None:
-                restore(self.training, number, run.checkpoint)
+                if not restore(self.training, number, run.checkpoint):
+                    run.note = f"{run.note}; {NOT_EXACT}" if run.note else NOT_EXACT
                 run.rows = run.checkpoint.counters.rows
                 self.logged_at = run.checkpoint.counters.logged_at
             cut_jsonl(run.path / METRICS, run.rows)

@@ -43,6 +43,9 @@ def measurable_runs(
     Raises DefinitionError if none is there.
     """
     done = [run for run in runs_in(root) if run.status == "done"]
+    unasked = [run for run in done if not _may_play(run, root, channels, episodes)]
+    _note_left_out(len(unasked), "they play other people's code: name a run's own folder to do so")
+    done = [run for run in done if run not in unasked]
     if listeners_only:
         listeners = [run for run in done if not _is_deaf(run)]
         _note_left_out(len(done) - len(listeners), "they hear nobody, so no link can break")
@@ -135,6 +138,19 @@ def _sorted_out(
             console.error(str(error))
             worst = max(worst, error.exit_code)
     return sound, missing, worst
+
+
+def _may_play(record: RunRecord, root: Path, channels: Sequence[Channel], episodes: int) -> bool:
+    """Whether no factory of other people is called for it, or the user means just this run."""
+    game = record.spec.get("environment")
+    named = game.get("factory") if isinstance(game, dict) else None
+    if named is None or record.has_episodes(channels, episodes):
+        return True
+    from msgdrop_envs.foreign import factory
+
+    if (root / RUN).is_file():
+        factory.allow(str(named))
+    return factory.is_allowed(str(named))
 
 
 def _is_deaf(record: RunRecord) -> bool:
