@@ -110,7 +110,7 @@ def test_a_sweep_and_a_channel_are_two_questions(store: Store) -> None:
         "unstable-test", store.results, "--sweep", "loss:0..1:3", "--channel", "loss:0.1"
     )
     assert said.code == 2
-    assert "--sweep goes neither with --channel" in said.err
+    assert "expected one of --sweep, --links" in said.err
 
 
 def test_many_channels_are_a_map(store: Store, tmp_path: Path) -> None:
@@ -127,3 +127,16 @@ def test_many_channels_are_a_map(store: Store, tmp_path: Path) -> None:
     assert [name for name in figures if "broken-links" in name or "matrix" in name] == [
         "pursuit-n6-quick-200-matrix.png"
     ]
+
+
+def test_each_link_has_its_worth(store: Store) -> None:
+    """One line a policy, with all 15 links of six agents; nobody who hears nobody loses by one."""
+    said = msgdrop("unstable-test", store.results, "--links", "--json")
+    assert said.code == 0, said.err
+    found = {(each["variant"], each["seed"]): each for each in json.loads(said.out)}
+    assert set(found) == {("fdc", 1), ("fdc", 2), ("dcc", 1), ("dcc", 2)}
+    for (variant, _), each in found.items():
+        costs = [link["costs"] for link in each["links"]]
+        assert len({tuple(link["agents"]) for link in each["links"]}) == 15
+        assert costs == sorted(costs, reverse=True)
+        assert (set(costs) == {0.0}) == (variant == "fdc")

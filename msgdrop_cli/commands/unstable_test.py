@@ -30,6 +30,9 @@ _Swept = Annotated[
 _Matrix = Annotated[
     bool, typer.Option("--matrix", help="Every variant through many channels, as a map.")
 ]
+_Links = Annotated[
+    bool, typer.Option("--links", help="What each single link is worth to each policy.")
+]
 
 
 @app.command(
@@ -41,6 +44,7 @@ def unstable_test(
     channel: options.Channels = None,
     sweep: _Swept = None,
     matrix: _Matrix = False,
+    links: _Links = False,
     episodes: options.Episodes = 1_000,
     workers: options.Workers = 2,
     device: options.Device = "cpu",
@@ -54,8 +58,12 @@ def unstable_test(
     options.check_workers(workers)
     options.check_episodes(episodes)
     options.check_device_name(device)
-    if sweep is not None and (channel or matrix):
-        raise DefinitionError("--sweep goes neither with --channel nor with --matrix")
+    if (sweep is not None) + bool(channel or matrix) + links > 1:
+        raise DefinitionError("expected one of --sweep, --links, and --channel with --matrix")
+    if links:
+        from msgdrop_cli.commands.parts.show_links import show_links  # after the quick checks
+
+        return show_links(results, as_json=json)
     swept = None if sweep is None else Sweep.read(sweep, "--sweep")
     asked = [words.channel(each, "--channel") for each in channel or ()]
     asked += map(Channel.read, _MATRIX if matrix else ())

@@ -87,6 +87,8 @@ class Channel:
             text, *own = _parts(NAMED[text])
             receiver = [*own, *receiver]
         kind, settings = cls._read_kind(text, value)
+        if kind == LINKS and not (len(settings) == 1 and 0 <= settings[0] <= 1):
+            raise ValueError(f"{_EXPECTED}, not {shown(value)}")
         found: dict[str, str] = {}
         for each in receiver:
             scales, _, scale = each.partition(":")

@@ -7,13 +7,16 @@ ones that evaluation plays.
 
 from collections.abc import Callable
 from itertools import combinations
+from pathlib import Path
 from typing import NamedTuple
 
 import torch
 from torch import Tensor
 
 from msgdrop_cli.channels.links import link_of
+from msgdrop_cli.engine import arithmetic
 from msgdrop_cli.engine.playing import play_episodes
+from msgdrop_cli.engine.policy import read_trained
 from msgdrop_cli.engine.randomness import Streams
 from msgdrop_cli.messages.received import Received
 from msgdrop_envs.autoreset import Games
@@ -87,3 +90,15 @@ def worst_links(
         worst = without_each(act, env, seed, broken, device)[0]
         broken[agents.index(worst.agents)] = True
     return broken[link_of(env.agents)].to(device)
+
+
+def links_of_run(run_path: Path) -> tuple[float, list[Link]]:
+    """The mean return with all links, and what is left of it without each one, worst first.
+
+    Raises RecordError if the policy cannot be read or does not fit.
+    """
+    with arithmetic.settled():
+        spec, env, learner = read_trained(run_path)
+        none = torch.zeros(env.agents * (env.agents - 1) // 2, dtype=torch.bool)
+        [whole] = play_without(learner.act_greedily, env, spec.seed, none[None], "cpu").tolist()
+        return whole, without_each(learner.act_greedily, env, spec.seed, none, "cpu")

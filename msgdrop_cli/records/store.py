@@ -31,16 +31,8 @@ POLICY, PROGRESS = "policy.safetensors", "progress.json"
 """The files of a run folder, beside RUN."""
 Status = Literal["planned", "running", "done", "failed", "diverged", "interrupted"]
 FACTS = (
-    "env_steps",
-    "wall_time_s",
-    "created",
-    "versions",
-    "commit",
-    "host",
-    "device",
-    "threads",
-    "kernel",
-    "metrics",
+    *("env_steps", "wall_time_s", "created", "versions", "commit"),
+    *("host", "device", "threads", "kernel", "metrics"),
 )
 """What the engine knows about a run beside its plan."""
 _LONGEST_REASON = 500
