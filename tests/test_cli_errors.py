@@ -18,6 +18,8 @@ BAD_INPUT = [
     (["ablate", "no/such.toml"], "no/such.toml: cannot be read"),
     (["ablate", "QUESTION", "--profile", "quik"], "did you mean 'quick'?"),
     (["ablate", "QUESTION", "--set", "algorithm.rte=0.3"], "did you mean 'rate'?"),
+    (["ablate", "QUESTION", "--set", "gamma=0.9"], "begins with its section: algorithm.gamma"),
+    (["ablate", "--set", "help"], "--set: of which question?"),
     (["ablate", "QUESTION", "--set", "algorithm.rate=high"], "expected a finite number"),
     (["ablate", "QUESTION", "--set", "algorithm.rate=1.5"], "between 0 and 1"),
     (["ablate", "QUESTION", "--seeds", "0"], "expected 1 to 1000 seeds"),

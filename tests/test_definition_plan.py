@@ -117,8 +117,9 @@ def test_set_lies_over_everything() -> None:
         ("training.games=0", "--set: training: games must be at least 1, not 0"),
         ("training.games=1\nx=2", "--set: training.games: expected a value such as 3, 0.5, true, "
          "fgh or [64, 48], not '1\\nx=2'"),
-        ("rate=1", "--set: expected a path and a value (algorithm.gamma=0.9, "
-         "variants.NAME.algorithm.rate=0.3), not 'rate=1'"),
+        ("rate=1", "--set: a setting begins with its section: algorithm.rate"),
+        ("speed=1", "--set: expected a path and a value (algorithm.gamma=0.9, "
+         "variants.NAME.algorithm.rate=0.3), not 'speed=1'"),
         ("", "--set: expected a path and a value (algorithm.gamma=0.9, "
          "variants.NAME.algorithm.rate=0.3), not ''"),
     ],

@@ -9,6 +9,7 @@ from msgdrop_cli.commands.parts import console, options, settings
 from msgdrop_cli.definition.figures import all_figures
 from msgdrop_cli.definition.load import list_askable, list_definitions, load_definition
 from msgdrop_cli.definition.readings import all_readings, readings_of
+from msgdrop_cli.errors import DefinitionError
 
 app = typer.Typer()
 
@@ -51,6 +52,8 @@ def ablate(
 
     What is finished is not trained again; what was interrupted goes on from its checkpoint.
     """
+    if name is None and overrides:
+        raise DefinitionError("--set: of which question? (all settings: msgdrop explain)")
     if name is None or lists:
         return _list(json)
     definition = load_definition(name)

@@ -1,10 +1,10 @@
 """What exists to choose from. The engine fills it, so that planning needs no torch."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Any
 
-from msgdrop_cli.definition.spec import FOREIGN, is_factory
+from msgdrop_cli.definition.spec import FOREIGN, TrainingSpec, is_factory
 from msgdrop_cli.errors import DefinitionError, nearest
 
 
@@ -116,6 +116,13 @@ class Catalogue:
             for field, value in other.overrides.items()
             if isinstance(value, str | bool)
         }
+
+    def settings(self) -> list[str]:
+        """The path of every setting, `algorithm.gamma`, in alphabetical order."""
+        learners = {("algorithm", named.config_class) for named in self.algorithms.values()}
+        games = {("environment", type(config)) for config in self.environments.values()}
+        classes: set[tuple[str, type[Any]]] = {("training", TrainingSpec), *learners, *games}
+        return sorted({f"{name}.{field.name}" for name, cls in classes for field in fields(cls)})
 
     def config_class(self, learner: str) -> type[Any]:
         """The Config of the learner's file `learner`; DefinitionError for an unknown one."""

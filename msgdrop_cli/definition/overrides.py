@@ -48,10 +48,11 @@ class Override:
         return f"{self.section}.{self.key}"
 
 
-def parse_override(text: str) -> Override:
+def parse_override(text: str, settings: Sequence[str] = ()) -> Override:
     """`algorithm.gamma=0.9`, or `variants.md-0.2.algorithm.rate=0.3` for one variant alone.
 
-    Quotes around the variant's name are as good as none. Raises DefinitionError.
+    Quotes around the variant's name are as good as none. settings: the paths that there are, for
+    who leaves the first part out. Raises DefinitionError.
     """
     where = Where("--set")
     path, equals, value = text.partition("=")
@@ -60,6 +61,8 @@ def parse_override(text: str) -> Override:
         # A section and its keys have no dots, a variant's name may: so it is what is left.
         variant, keys = ".".join(keys[1:-2]).strip("\"'"), keys[-2:]
     named = variant is None or NAME.fullmatch(variant)
+    if meant := [each for each in settings if each.rpartition(".")[2] == path.strip()]:
+        raise where.error(f"a setting begins with its section: {' or '.join(meant)}")
     if not equals or not named or len(keys) != 2 or not all(map(_KEY.fullmatch, keys)):
         raise where.error(f"expected a path and a value ({_EVERY}, {_ONE}), not {shown(text)}")
     section, key = keys

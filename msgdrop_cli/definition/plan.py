@@ -95,7 +95,7 @@ def plan(
         numbers = _checked_seeds(tuple(seeds), Where("--seeds"))
     arms = {name: definition.variants[name] for name in chosen.variants or definition.variants}
     environments = chosen.environments or definition.environments
-    changes = tuple(parse_override(text) for text in overrides)
+    changes = tuple(parse_override(text, catalogue.settings()) for text in overrides)
     check_variants(changes, tuple(arms))
     changes = (*as_overrides(readings, environments), *changes)
     called = under(profile, readings)
