@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from msgdrop_cli.commands.parts import console
 from msgdrop_cli.commands.parts.question_keys import question_keys
 from msgdrop_cli.definition.load import list_definitions, load_definition
 from msgdrop_cli.definition.plan import plan
@@ -121,6 +122,18 @@ def test_the_keys_of_a_question_are_those_that_the_loader_takes(table: str, tmp_
     inside = [key for key in keys if key.table == table]
     assert refused(wrong, tmp_path) == {name for key in inside for name in key.names}
     assert all(key.meaning in told(path) for key in inside for path in key.paths)
+
+
+def test_texts_are_as_wide_as_the_terminal(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Paragraphs and points are broken between words, nothing is lost, and points stay points."""
+    wide = msgdrop("explain", "waterworld-n8").out
+    monkeypatch.setattr(console, "_PIPED_WIDTH", 50)
+    narrow = msgdrop("explain", "waterworld-n8").out
+    text, _, _ = narrow.partition("\npursuers=8")
+    assert max(map(len, text.splitlines())) <= 50
+    assert text.split() == wide.partition("\npursuers=8")[0].split()
+    assert len(re.findall(r"^\d\. ", text, re.MULTILINE)) == 5
+    assert re.search(r"^   [a-z]", text, re.MULTILINE)
 
 
 def test_an_unknown_name_is_told_the_nearest() -> None:

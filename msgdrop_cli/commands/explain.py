@@ -52,7 +52,8 @@ def _show(topic: Topic) -> None:
         return
     console.result(f"{' or '.join(topic.names)}: {topic.kind}, {topic.where}")
     if topic.text:
-        console.result(f"\n{topic.text}")
+        console.result("")
+        console.prose(topic.text)
     if topic.facts:
         console.result("")
         rows = {

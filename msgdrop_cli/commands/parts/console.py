@@ -5,7 +5,9 @@ where texts were read. rich is loaded only where something is laid out.
 """
 
 import json
+import re
 import sys
+import textwrap
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from typing import TYPE_CHECKING, Any, TextIO
@@ -23,6 +25,9 @@ _GAP = 2
 """Spaces between two columns."""
 _TEXT_WIDTH = 100
 """Lines longer than that are hard to read."""
+_MARK = re.compile(r"\* |\d\. ")
+_POINT = re.compile(rf"\n(?=\n|{_MARK.pattern})")
+"""What begins a point of a text, and where a text is broken before points and paragraphs."""
 _VERDICTS = {
     "supported": "green",
     "contradicted": "red",
@@ -35,6 +40,17 @@ _VERDICTS = {
 def result(text: str) -> None:
     """Show a line of the results."""
     print(text)
+
+
+def prose(text: str) -> None:
+    """Show paragraphs and points as wide as the terminal is, in lines that can be read."""
+    width = min(_console(sys.stdout).width, _TEXT_WIDTH)
+    for part in _POINT.split(text):
+        if part.startswith("\n"):
+            print()
+        mark = _MARK.match(part)
+        hanging = " " * len(mark[0]) if mark else ""
+        print(textwrap.fill(" ".join(part.split()), width, subsequent_indent=hanging))
 
 
 def result_json(value: Any) -> None:
