@@ -220,6 +220,7 @@ def test_an_algorithm_that_does_not_fit_is_told_who_does(tmp_path: Path) -> None
         ("msgdrop publish dropout-rate --reading ", ["capture-once", "huber"]),
         ("msgdrop eval --broken-links ", ["half"]),
         ("msgdrop unstable-test --device c", ["cuda"]),
+        ("msgdrop explain catches", ["catches_per_500"]),
     ],
 )
 def test_tab_offers_what_there_is(
