@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from msgdrop_cli.analysis.summary import summarise
-from msgdrop_cli.report.captions import footer
+from msgdrop_cli.report.captions import footer, spread_note
 from tests.fake_runs import GROUP, write_run
 
 
@@ -19,3 +19,17 @@ def test_a_footer_says_what_was_overridden(tmp_path: Path) -> None:
     assert f"1,000 env steps a run · overridden: {of_all}, {of_one} · seed 1" in first
     plain = summarise([write_run(tmp_path, "fdc", 1)])
     assert "overridden" not in footer(plain, GROUP, plain.arms, "")
+
+
+def test_a_caption_says_what_the_band_is() -> None:
+    """An interval from six seeds on, lowest to highest below, nothing for one; all if all occur."""
+    assert spread_note({6, 20}, "line", "band") == (
+        "Line: mean over seeds; band: 95% interval of the mean, inverted sign-flips."
+    )
+    assert spread_note({2, 5}, "line", "band") == (
+        "Line: mean over seeds; band: lowest to highest (2 or 5 seeds)."
+    )
+    assert spread_note({1, 3, 7}, "bar", "line") == (
+        "Bar: mean over seeds; line: 95% interval of the mean, inverted sign-flips; "
+        "line: lowest to highest (3 seeds); 1 seed: no line."
+    )

@@ -240,7 +240,7 @@ def test_claims_table(tmp_path: Path) -> None:
         "5.00 [4.00, 6.00]",
         "undecided",
     )
-    assert row[5].startswith("first registered look at 6 seeds; 10 would probably decide")
+    assert row[5].startswith("first registered look at 6 seeds; 4 of the runs are from before")
     missing = Verdict(claim=claim, verdict="undecided", reason="no run of dcc")
     assert claims_table([missing]).rows[0][3] == "\u2013"
 

@@ -1,0 +1,43 @@
+"""What would probably decide an open claim: a forecast, and never one of a look that cannot."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from msgdrop_cli.analysis.prospects import Prospect
+from msgdrop_cli.definition.spec import Registration
+from tests.claims import AT_SIX, arms, verdict_on
+
+SHIPPED = Registration(looks=(6, 10, 14, 20), alpha_spent=(0.015, 0.025, 0.035, 0.05))
+
+
+def forecast(root: Path, differences: list[int], rule: Registration) -> Prospect | None:
+    """Of a claim whose seeds differ by this much; each run took a second."""
+    better = [50 + each for each in differences]
+    return verdict_on(arms(root, better, [50] * len(differences)), rule=rule).prospect
+
+
+def test_a_large_effect_waits_for_a_look_that_can_decide(tmp_path: Path) -> None:
+    """Six seeds cannot have a p of 0.015: the forecast is ten, six more runs of each arm."""
+    assert forecast(tmp_path, [9, 10, 11, 10], SHIPPED) == Prospect(10, True, 12.0)
+
+
+def test_a_look_that_can_decide_is_enough(tmp_path: Path) -> None:
+    """Where six seeds may spend 0.04 they are the forecast."""
+    rule = replace(AT_SIX, margin={})
+    assert forecast(tmp_path, [9, 10, 11, 10], rule) == Prospect(6, True, 4.0)
+
+
+@pytest.mark.parametrize("differences", [[9, 10], [0, 0, 0], [10, -10, 9, -9, 1]])
+def test_there_is_none_of_nothing(tmp_path: Path, differences: list[int]) -> None:
+    """Two seeds tell no spread, equal ones have none, and a hundredth of it is out of reach."""
+    assert forecast(tmp_path, differences, SHIPPED) is None
+
+
+def test_more_seeds_than_are_registered(tmp_path: Path) -> None:
+    """Half a standard deviation, about: it is said that no registered look would do."""
+    found = forecast(tmp_path, [12, -8, 9, -5, 6], SHIPPED)
+    assert found is not None
+    assert (found.seeds > 20, found.registered) == (True, False)
+    assert found.training_s == 2.0 * (found.seeds - 5)
