@@ -20,6 +20,7 @@ LEARNER: dict[str, Any] = {
     "network": "fgh",  # l. 404
     "topology": "all",  # l. 149
     "encoder": "observation",  # l. 289
+    "encoder_samples": 1_000_000,  # l. 790
     "f_units": (64, 48),  # l. 745
     "g_units": 96,  # l. 746
     "h_units": 32,  # l. 748

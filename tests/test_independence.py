@@ -130,8 +130,8 @@ def test_a_diverged_run_does_not_spoil_its_cohort(tmp_path: Path) -> None:
     expected = _train([runs[1]], tmp_path / "alone")[0]
 
     class Poisoned(Training):
-        def begin(self) -> None:
-            super().begin()
+        def begin(self, encoder: Any = None) -> None:
+            super().begin(encoder)
             if self.runs == 2:
                 self.learner.tensors(0)["online.h2.bias"].fill_(float("nan"))
 

@@ -44,6 +44,7 @@ class Environment(Protocol):
     agents: int
     observation_size: int
     observation_dtype: torch.dtype
+    """There may be `observation_channels`, too: names of equal parts of what is seen, in order."""
     actions: int
     """What an agent can choose from; 0 where an action is `action_size` numbers."""
     action_size: int

@@ -23,7 +23,7 @@ from torch import Tensor, cat
 
 from msgdrop_cli.algorithms import cohort
 from msgdrop_cli.algorithms.adam import Adam
-from msgdrop_cli.algorithms.hearing import Encoding, heard, said
+from msgdrop_cli.algorithms.hearing import encoding_of, heard, said
 from msgdrop_cli.errors import DefinitionError
 from msgdrop_cli.kernels.dcc import NAME, DCCKernel, serves
 from msgdrop_cli.messages.encoders import OBSERVATION, encoder_of
@@ -54,6 +54,8 @@ class Config:
     """Who hears whom: a file in `messages/topologies` (all: l. 149; limited pairs: l. 561)."""
     encoder: str = field(default="observation", metadata={"later": True})
     """What is said: a file in `messages/encoders` (observation: l. 289; autoencoder: l. 786)."""
+    encoder_samples: int = field(default=1_000_000, metadata={"later": True})
+    """Observations that an encoder learns from before the training, if it learns (l. 790)."""
     f_units: tuple[int, int] = (64, 48)
     """Layers of f; also the first layers of FDC and Concat (l. 745, 750)."""
     g_units: int = 96
@@ -89,8 +91,10 @@ class Config:
         check_topology(self.topology)
         encoder_of(self.encoder)
         shares = ("epsilon_start", "epsilon_final")
-        amounts, counts = ("epsilon_anneal_env_steps",), ("target_update_every_updates",)
-        cohort.check_ranges(self, shares=shares, amounts=amounts, counts=counts)
+        counts = ("target_update_every_updates", "encoder_samples")
+        cohort.check_ranges(
+            self, shares=shares, amounts=("epsilon_anneal_env_steps",), counts=counts
+        )
 
 
 NAMED: Mapping[str, Mapping[str, Any]] = {
@@ -119,16 +123,12 @@ class DCC:
             raise DefinitionError("dcc picks one of several actions; this environment has none")
         self._runs, self._agents = len(configs), env.agents
         self.network = network = _network(config, env)
-        self.encoding = Encoding(said(config), env.observation_size, self._runs, device)
+        self.encoding = encoding_of(config, env.observation_size, self._runs, device)
         self.online, self.target = (
             Stacked(network.layers, self._runs * self._agents, device) for _ in range(2)
         )
-        self.adam = Adam(
-            self.online,
-            learning_rate=config.learning_rate,
-            max_gradient_norm=config.max_gradient_norm,
-            device=device,
-        )
+        rates = {name: getattr(config, name) for name in ("learning_rate", "max_gradient_norm")}
+        self.adam = Adam(self.online, **rates, device=device)
         self._parts = {"online": self.online, "target": self.target, **self.adam.moments}
         hears = network.hears
         self.shown_agents = cohort.shown_agents(heard(config, env.agents), device)

@@ -26,6 +26,10 @@ class Config(Protocol):
     def encoder(self) -> str:
         """A file in `messages/encoders`."""
 
+    @property
+    def encoder_samples(self) -> int:
+        """Observations that it learns from."""
+
 
 def heard(config: Config, agents: int) -> Senders:
     """Whom each agent hears, [N, S]."""
@@ -37,18 +41,46 @@ def said(config: Config) -> str:
     return OBSERVATION if config.network == "own" else config.encoder
 
 
+def encoding_of(
+    config: Config, observation: int, runs: int, device: torch.device | str
+) -> "Encoding":
+    """What is heard in a cohort of so many runs, about so many numbers."""
+    samples = config.encoder_samples
+    return Encoding(said(config), observation, runs, device, samples=samples)
+
+
 class Encoding:
     """An encoder and its weights, one set a run, which training leaves as they are."""
 
     def __init__(
-        self, encoder: str, observation: int, runs: int, device: torch.device | str
+        self,
+        name: str,
+        observation: int,
+        runs: int,
+        device: torch.device | str,
+        *,
+        samples: int = 0,
     ) -> None:
-        self._encoder = encoder_of(encoder)
-        self.apart = encoder != OBSERVATION
+        """Weights of 0, until they are filled in; samples: what they are to be learnt from."""
+        self.name, self.samples = name, samples
+        self._encoder = encoder_of(name)
+        self.apart = name != OBSERVATION
         """Whether messages are other numbers than observations, so that they are stored, too."""
         self.width = self._encoder.width(observation)
         """M, the numbers of a message."""
+        self._runs = runs
         self._weights = Stacked(self._encoder.layers(observation), runs, device)
+
+    @property
+    def learns(self) -> bool:
+        """Whether there is something to fill in before training begins."""
+        return bool(self._weights.layers)
+
+    def fill(self, weights: Mapping[str, Tensor]) -> None:
+        """Give every run these weights, named as in `tensors`; KeyError if one is missing."""
+        for run in range(self._runs):
+            for name, view in self.tensors(run).items():
+                view.copy_(weights[name])
 
     def message(self, obs: Tensor) -> Tensor | None:
         """What the agents say, [R, E, N, M] float32; None if it is obs [R, E, N, O] itself."""

@@ -6,9 +6,9 @@ and resume, or on whether somebody watches (tests/test_independence.py).
 
 import math
 import time
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import ExitStack, suppress
-from dataclasses import replace
+from dataclasses import asdict, replace
 from itertools import groupby
 from pathlib import Path
 from typing import Any
@@ -20,6 +20,7 @@ from msgdrop_cli.engine.divergence import not_finite
 from msgdrop_cli.engine.facts import facts, kernel_name
 from msgdrop_cli.engine.graphs import Chunks, recorder
 from msgdrop_cli.engine.opening import Run, lock, open_run
+from msgdrop_cli.engine.pretraining import pretrained
 from msgdrop_cli.engine.tensors import write_tensors
 from msgdrop_cli.engine.training import Training
 from msgdrop_cli.errors import RecordError
@@ -71,13 +72,24 @@ def train_cohort(
                 outcomes.append(_outcome(planned, found.path, "done", None))
         pending.sort(key=lambda run: run.env_steps)
         for _, group in groupby(pending, key=lambda run: run.env_steps):
-            outcomes += _train_group(list(group), device, stop)
+            outcomes += _train_group(list(group), root, device, stop)
     return outcomes
 
 
-def _train_group(runs: list[Run], device: str, stop: Callable[[], bool]) -> list[Outcome]:
+def _train_group(
+    runs: list[Run], root: Path, device: str, stop: Callable[[], bool]
+) -> list[Outcome]:
     try:
-        return _Session(runs, device).train(stop)
+        training = Training([run.planned.spec for run in runs], device)
+        encoder = pretrained(runs[0].planned.spec, training.learner.encoding, root, stop)
+        if encoder is None:
+            reason = "stopped while its encoder learnt"
+            for run in runs:
+                set_status(run.path, "interrupted", reason)
+            return [_outcome(run.planned, run.path, "interrupted", reason) for run in runs]
+        training.begin(encoder.weights)
+        known = {"pretraining": asdict(encoder.facts)} if encoder.facts else {}
+        return _Session(runs, training, device, known).train(stop)
     except Exception as error:  # whatever it was, it is written down, and the other cohorts go on
         reason = f"{type(error).__name__}: {error}"
         code = error.exit_code if isinstance(error, RecordError) and error.exit_code > 64 else 3
@@ -91,15 +103,17 @@ def _train_group(runs: list[Run], device: str, stop: Callable[[], bool]) -> list
 class _Session:
     """A cohort between its start (or resume) and its end (or stop)."""
 
-    def __init__(self, runs: list[Run], device: str) -> None:
+    def __init__(
+        self, runs: list[Run], training: Training, device: str, known: Mapping[str, Any]
+    ) -> None:
+        """training: begun; known: facts for the records beside the usual ones."""
         self.runs = runs
         self.plan = runs[0].planned.spec.training
-        self.training = Training([run.planned.spec for run in runs], device)
-        self.training.begin()
+        self.training = training
         self.kernel = kernel_name(runs[0].planned.spec, device)
         self.chunks = Chunks(self.training, recorder(device))
         self.logged_at = 0
-        known = facts(self.training.env, self.kernel, device)  # asks git: once for all
+        known = {**known, **facts(training.env, self.kernel, device)}  # asks git: once for all
         for number, run in enumerate(runs):
             if run.checkpoint is not None:
                 if not restore(self.training, number, run.checkpoint):

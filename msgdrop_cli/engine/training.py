@@ -4,7 +4,7 @@ The loop contains nothing but the loop: logging, checkpoints and stopping consum
 With E parallel games, E env steps happen at once; the updates per env step stay the paper's.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import torch
 from torch import Tensor
@@ -45,8 +45,12 @@ class Training:
         """Since the last log: counts, then finished, episodes and return, [counts + 3, R]."""
         self.games: autoreset.Games
 
-    def begin(self) -> None:
-        """Initialise the networks and the games (algorithm 1, first lines)."""
+    def begin(self, encoder: Mapping[str, Tensor] | None = None) -> None:
+        """Initialise the networks and the games (algorithm 1, first lines).
+
+        encoder: the weights of one that has learnt something; KeyError without them.
+        """
+        self.learner.encoding.fill(encoder or {})
         self.learner.initialise(self.streams.uniforms("init", self.learner.init_uniforms))
         uniforms = self.streams.uniforms("env", self.games_each, self.env.reset_uniforms)
         # The games start spread over an episode, so that they do not all end in one step.

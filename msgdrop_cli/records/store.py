@@ -21,6 +21,7 @@ from msgdrop_cli.records.folders import RUN as RUN
 from msgdrop_cli.records.folders import run_folders
 from msgdrop_cli.records.packed import log_file, read_log
 from msgdrop_cli.records.parsing import RECORD
+from msgdrop_cli.records.pretraining import Pretraining
 from msgdrop_cli.records.setup import Setup, read_setup
 
 SCHEMA = 1
@@ -32,7 +33,7 @@ POLICY, PROGRESS = "policy.safetensors", "progress.json"
 Status = Literal["planned", "running", "done", "failed", "diverged", "interrupted"]
 FACTS = (
     *("env_steps", "wall_time_s", "created", "versions", "commit"),
-    *("host", "device", "threads", "kernel", "metrics"),
+    *("host", "device", "threads", "kernel", "metrics", "pretraining"),
 )
 """What the engine knows about a run beside its plan."""
 _LONGEST_REASON = 500
@@ -56,6 +57,7 @@ class _Run:
     spec: Mapping[str, Any]
     env_steps: int
     wall_time_s: float
+    pretraining: Pretraining | None = None
 
     def __post_init__(self) -> None:
         for key in ("run_id", "variant", "definition", "profile", "environment"):
@@ -146,6 +148,12 @@ class RunRecord:
         return read_setup(self.spec)
 
     @property
+    def pretraining(self) -> Pretraining | None:
+        """What its encoder has learnt before it began, if that is something."""
+        table, where = self.run.get("pretraining"), Where(str(self.path / RUN)).at("pretraining")
+        return build(Pretraining, table, where) if table else None
+
+    @property
     def is_own(self) -> bool:
         """Whether it stands where training puts it, in `runs/<environment>/<run>`."""
         return self.path.resolve().parts[-3:-2] == (RUNS,)
@@ -187,8 +195,8 @@ def look_through(root: Path) -> Listing:
     found = run_folders(root)
     words = found.passed_over_in_words()
     if not found.runs:
-        why = words or f"no {RUN} in or below"
-        raise RecordError(one_line(f"{root}: holds no runs of msgdrop ({why})"))
+        words = words or f"no {RUN} in or below"
+        raise RecordError(one_line(f"{root}: holds no runs of msgdrop ({words})"))
     return Listing([_record(path) for path in found.runs], words)
 
 
@@ -218,14 +226,13 @@ def create_run(path: Path, planned: PlannedRun, facts: Mapping[str, Any]) -> Run
     Raises RecordError if the folder cannot be made (73), has a record already (73), or cannot be
     written (74).
     """
-    file = path / RUN
     try:
         path.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         message = one_line(f"{path}: cannot be created: {error.strerror}")
         raise RecordError(message, CANNOT_CREATE) from error
-    if os.path.lexists(file):
-        raise RecordError(one_line(f"{file}: exists already"), CANNOT_CREATE)
+    if os.path.lexists(path / RUN):
+        raise RecordError(one_line(f"{path / RUN}: exists already"), CANNOT_CREATE)
     run = {
         "schema": SCHEMA,
         "run_id": planned.run_id,
@@ -245,7 +252,7 @@ def create_run(path: Path, planned: PlannedRun, facts: Mapping[str, Any]) -> Run
         "created": datetime.now(UTC).isoformat(timespec="seconds"),
         **_checked_facts(facts),
     }
-    write_json_atomic(file, run)
+    write_json_atomic(path / RUN, run)
     return _record(path)
 
 
@@ -283,8 +290,8 @@ def _rows(path: Path, *keys: str) -> list[dict[str, Any]]:
     for number, row in enumerate(rows, start=1):
         for key in keys:
             if type(row.get(key)) not in (int, float):
-                place = f"{log_file(path)}: line {number}"
-                raise RecordError(one_line(f"{place}: {key!r} is not a number"))
+                problem = f"line {number}: {key!r} is not a number"
+                raise RecordError(one_line(f"{log_file(path)}: {problem}"))
     return rows
 
 

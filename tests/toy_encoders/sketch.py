@@ -1,4 +1,4 @@
-"""An encoder for the tests: some weighted sums of what is seen, by weights that tests fill in."""
+"""An encoder for the tests: eleven weighted sums of what is seen, which are learnt."""
 
 from collections.abc import Mapping
 
@@ -25,3 +25,14 @@ def message(weights: Weights, obs: Tensor) -> Tensor:
     """No ReLU: messages may be negative."""
     weight, bias = weights["sketch"]
     return torch.baddbmm(bias, obs.float(), weight)
+
+
+def decoder(observation: int) -> Mapping[str, tuple[int, int]]:
+    """One layer back."""
+    return {"back": (WIDTH, observation)}
+
+
+def reconstruction(weights: Weights, said: Tensor) -> Tensor:
+    """Linear, so that it can be no better than the largest principal components."""
+    weight, bias = weights["back"]
+    return torch.baddbmm(bias, said, weight)

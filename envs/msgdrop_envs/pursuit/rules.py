@@ -89,6 +89,7 @@ class Pursuit:
     """The batched game; holds lookup tables only, all state is passed in and out."""
 
     observation_dtype = torch.uint8
+    observation_channels = ("others", "evaders", "boundary")
     actions = len(MOVES)
     action_size = 0
     counts: tuple[str, ...] = ("catches", "edge_hits")

@@ -57,6 +57,7 @@ def plan_facts(
     }
     if looked_up.pending:
         facts |= {
+            **_pretraining(looked_up.pending),
             "training": f"{left:,} env steps",
             "evaluation": f"{asked.evaluation_episodes:,} episodes a run, {through}",
             "time": f"{about(cost.seconds, *cost.seconds_range)} with {workers} ({cost.source})",
@@ -69,6 +70,18 @@ def plan_facts(
 def _readings(names: Sequence[str]) -> str:
     """`capture-once: two evaders captured in one step pay once`, one after the other."""
     return "; ".join(f"{name}: {all_readings()[name].says}" for name in names)
+
+
+def _pretraining(pending: Sequence[PlannedRun]) -> dict[str, str]:
+    """What encoders learn before runs begin, where they learn."""
+    configs = [run.spec.algorithm_config for run in pending]
+    learning = {c.encoder: c.encoder_samples for c in configs if _says_other_things(c)}
+    words = (f"{name}, once, on {count:,} observations" for name, count in learning.items())
+    return {"encoder": "; ".join(words)} if learning else {}
+
+
+def _says_other_things(config: Any) -> bool:
+    return getattr(config, "encoder", "observation") != "observation"
 
 
 def plan_json(asked: Plan, looked_up: Survey, cost: Estimate) -> dict[str, Any]:

@@ -14,6 +14,7 @@ from msgdrop_cli.commands.parts.play_missing import only
 from msgdrop_cli.commands.parts.words import several
 from msgdrop_cli.definition.channel import Channel
 from msgdrop_cli.definition.spec import Claim, Definition
+from msgdrop_cli.records.pretraining import Pretraining
 from msgdrop_cli.records.store import RunRecord
 from msgdrop_cli.report.figures import draw_all
 from msgdrop_cli.report.table import channels_table, claims_table, results_table
@@ -58,6 +59,9 @@ def report(
         console.table(results_table(summary, group, channels[0]), numbers_from=_TEXT_COLUMNS)
         if len(channels) > 1:
             console.table(channels_table(summary, group), numbers_from=_TEXT_COLUMNS)
+    for known in _encoders(records):
+        left = (f"{name} {each.share_left:.0%}" for name, each in known.errors.items())
+        console.result(f"\nencoder  {known.folder}: of what is seen it loses {', '.join(left)}")
     if question and verdicts:
         _show(verdicts, "Claims of the paper" if question.shipped else "Claims")
     if figures:
@@ -87,6 +91,12 @@ def _report_json(
                 "figures": [str(path) for path in drawn],
             }
         )
+
+
+def _encoders(records: Sequence[RunRecord]) -> list[Pretraining]:
+    """What the encoders of some runs have learnt, each once."""
+    found = (record.pretraining for record in records)
+    return list({known.folder: known for known in found if known}.values())
 
 
 def note_left_out(summary: Summary) -> None:

@@ -33,6 +33,16 @@ class Encoder(Protocol):
         """The messages [R, rows, M] float32 about obs [R, rows, O]."""
 
 
+class Autoencoder(Encoder, Protocol):
+    """What a file has besides, if it learns: the way back."""
+
+    def decoder(self, observation: int) -> Mapping[str, tuple[int, int]]:
+        """More layers, which are learnt with the encoder's and serve nothing else."""
+
+    def reconstruction(self, weights: Weights, said: Tensor) -> Tensor:
+        """What was seen [R, rows, O], as far as the messages [R, rows, M] tell."""
+
+
 def encoders() -> dict[str, Any]:
     """The encoders' modules by name."""
     return {
@@ -41,10 +51,13 @@ def encoders() -> dict[str, Any]:
     }
 
 
-def encoder_of(name: str) -> Encoder:
-    """The encoder that is called so; ValueError if there is none."""
+def encoder_of(name: str) -> Autoencoder:
+    """The encoder that is called so; one that learns nothing is an Encoder only.
+
+    Raises ValueError if there is none.
+    """
     known = encoders()
     if name not in known:
         raise ValueError(f"encoder: none is called {name[:64]!r}; {nearest(name[:64], known)}")
-    found: Encoder = known[name]
+    found: Autoencoder = known[name]
     return found
