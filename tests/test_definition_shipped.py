@@ -76,6 +76,14 @@ CLAIMS = [
     ("broken-links", (529, 529), ("fdc",), UNSTABLE, BOTH, AFTER, 1.0),
     # "DCC-MD with the dropout rate 0.2 and 0.5 outperforms simple DCC and FDC"
     ("navigation", (430, 430), UNSTABLE, ("dcc", "fdc"), NAVIGATION, AFTER + DURING, 0.0),
+    # "learning speed increases in the case of simple DCC and DCC-MD with dropout rate 0.2"
+    ("autoencoder", (786, 786), ("ae-dcc",), ("dcc",), EIGHT, DURING, 0.0),
+    ("autoencoder", (786, 786), ("ae-md-0.2",), ("md-0.2",), EIGHT, DURING, 0.0),
+    # "DCC-MD still performs better than simple DCC when the messages are compressed"
+    ("autoencoder", (786, 786), ("ae-md-0.2",), ("ae-dcc",), EIGHT, AFTER + DURING, 0.0),
+    # "the compressed messages using autoencoder degrades the steady-state performance"
+    ("autoencoder", (787, 787), ("dcc",), ("ae-dcc",), EIGHT, AFTER, 0.0),
+    ("autoencoder", (787, 787), ("md-0.2",), ("ae-md-0.2",), EIGHT, AFTER, 0.0),
     # "MADDPG-MD outperforms both (independent) DDPG and MADDPG"
     ("waterworld", (439, 439), CENTRAL, ("ddpg", "maddpg"), WATERWORLD, AFTER + DURING, 0.0),
 ]
@@ -116,11 +124,14 @@ def test_claims_say_what_the_paper_says(name: str) -> None:
 
 @pytest.mark.parametrize("name", NAMES)
 def test_variants_are_what_they_are_called(name: str) -> None:
-    """`md-0.2` is DCC-MD at rate 0.2, `fdc` is FDC: nothing else is changed."""
+    """`md-0.2` is DCC-MD at rate 0.2, `ae-dcc` is DCC with an autoencoder: no more is changed."""
     for key, variant in load_definition(name).variants.items():
-        algorithm, _, rate = key.rpartition("-") if key[-1].isdigit() else (key, "", "")
-        expected = {"name": ALGORITHMS.get(algorithm, algorithm)}
-        assert variant.algorithm == expected | ({"rate": float(rate)} if rate else {}), key
+        plain = key.removeprefix("ae-")
+        algorithm, _, rate = plain.rpartition("-") if key[-1].isdigit() else (plain, "", "")
+        expected: dict[str, object] = {"name": ALGORITHMS.get(algorithm, algorithm)}
+        expected |= {"rate": float(rate)} if rate else {}
+        expected |= {"encoder": "autoencoder"} if key != plain else {}
+        assert variant.algorithm == expected, key
         assert (variant.training, variant.environment) == ({}, {})
 
 

@@ -150,8 +150,8 @@ class RunRecord:
     @property
     def pretraining(self) -> Pretraining | None:
         """What its encoder has learnt before it began, if that is something."""
-        table, where = self.run.get("pretraining"), Where(str(self.path / RUN)).at("pretraining")
-        return build(Pretraining, table, where) if table else None
+        where = Where(str(self.path / RUN)).at("pretraining")
+        return build(Pretraining, table, where) if (table := self.run.get("pretraining")) else None
 
     @property
     def is_own(self) -> bool:
@@ -193,11 +193,10 @@ def look_through(root: Path) -> Listing:
     Raises RecordError, in one line: no such folder, no run in it, or a damaged or unknown record.
     """
     found = run_folders(root)
-    words = found.passed_over_in_words()
     if not found.runs:
-        words = words or f"no {RUN} in or below"
+        words = found.passed_over_in_words() or f"no {RUN} in or below"
         raise RecordError(one_line(f"{root}: holds no runs of msgdrop ({words})"))
-    return Listing([_record(path) for path in found.runs], words)
+    return Listing(list(map(_record, found.runs)), found.passed_over_in_words())
 
 
 def list_runs(root: Path) -> list[RunRecord]:
