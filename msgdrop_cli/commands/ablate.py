@@ -14,6 +14,9 @@ from msgdrop_cli.errors import DefinitionError
 app = typer.Typer()
 
 
+_Lists = Annotated[bool, typer.Option("--list", help="List questions, figures and readings.")]
+
+
 @app.command(
     cls=settings.ListsReadings,
     epilog=options.examples(
@@ -34,9 +37,7 @@ def ablate(
             autocompletion=list_askable,
         ),
     ] = None,
-    lists: Annotated[
-        bool, typer.Option("--list", help="List questions, figures and readings.")
-    ] = False,
+    lists: _Lists = False,
     profile: options.Profile = None,
     reading: options.Reading = None,
     overrides: options.Set = None,
