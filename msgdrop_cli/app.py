@@ -23,6 +23,7 @@ from msgdrop_cli.commands import (
     import_archives,
     plot,
     publish,
+    replay,
     status,
     train,
     unstable_test,
@@ -50,7 +51,10 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     context_settings={"max_content_width": 100, "help_option_names": ["-h", "--help"]},
 )
-_COMMANDS = (ablate, train, eval, unstable_test, plot, status, explain, publish, import_archives)
+_COMMANDS = (
+    *(ablate, train, eval, unstable_test, plot, status, explain, publish),
+    *(replay, import_archives),
+)
 for _command in _COMMANDS:
     app.add_typer(_command.app)
 

@@ -3,6 +3,8 @@
 A picture is a float tensor [height, width, 3] that is painted on in place, row 0 at the top.
 """
 
+from typing import NamedTuple
+
 import torch
 from torch import Tensor
 
@@ -27,6 +29,16 @@ DIGITS = {
     "9": "111101111001111",
 }
 """Three columns by five rows."""
+
+
+class Disc(NamedTuple):
+    """Somebody or something in a replay; lengths are parts of the picture's side, y goes down."""
+
+    x: float
+    y: float
+    radius: float
+    colour: Colour
+    label: str = ""
 
 
 def canvas(side: int) -> Tensor:

@@ -9,6 +9,7 @@ from typing import Any, NamedTuple, Protocol
 import torch
 from torch import Tensor
 
+from msgdrop_envs.drawing import Disc
 from msgdrop_envs.metric import Metric as Metric  # part of what a game imports from here
 
 
@@ -93,6 +94,9 @@ class View(Protocol):
 
     def render_rgb(self, state: Any) -> Tensor:
         """A picture [height, width, 3] uint8."""
+
+    def scene(self, state: Any) -> list[Disc]:
+        """Who and what is where: the agents first, in their order."""
 
     def render_text(self, state: Any) -> str:
         """A few lines of text."""

@@ -36,26 +36,31 @@ def evaluate(
     episodes: int,
     device: str = "cpu",
     stop: Callable[[], bool] = lambda: False,
+    seed: int | None = None,
+    watch: Callable[[autoreset.Games, Tensor | None], None] = lambda games, keep: None,
 ) -> list[dict[str, Any]]:
     """Play `episodes` greedy episodes whose messages go through `channel`.
 
     Returns a row an episode: the channel's entry, episode, steps, finished (it ended by itself),
     return (summed over agents and steps), and the environment's counts. `stop` is asked twice a
-    second; if it says so, there are no rows.
+    second; if it says so, there are no rows. seed: of other episodes than the run's own. watch: is
+    shown the games before each step, and what arrives in it.
     Raises RecordError if the policy cannot be read or does not fit, DefinitionError for a channel
     that does not exist.
     """
     spec, env, learner = read_trained(run_path, device)
-    streams = Streams([spec.seed], device)
+    streams = Streams([spec.seed if seed is None else seed], device)
     found = kind_of(channel).links_to_find
     lost = worst_links(learner.act_greedily, env, spec.seed, found, device) if found else None
     delivery = Delivery(channel, env, streams, episodes, lost)
 
     def act(games: autoreset.Games, playing: Tensor) -> Tensor:
         if channel == NONE_BROKEN:
+            watch(games, None)
             return learner.act_greedily(games.obs)
         message = learner.encoding.message(games.obs)
         received = delivery(games, playing, games.obs if message is None else message)
+        watch(games, received.keep)
         return learner.act_greedily(games.obs, received)
 
     table = play_episodes(env, act, streams, episodes, stop)

@@ -123,9 +123,14 @@ def load_policy(run_dir: str | PathLike[str]) -> Policy:
     damaged.
     """
     path = Path(run_dir)
+    check_trained(path)
+    return Policy(read_trained(path))
+
+
+def check_trained(path: Path) -> None:
+    """RecordError, which says what it is instead, unless this is a run's folder with a policy."""
     if not (path / RUN).is_file():
         raise RecordError(f"{path}: is no run's folder: there is no {RUN} in it")
     [record] = list_runs(path)
     if not (path / POLICY).is_file():
         raise RecordError(f"{path}: has no {POLICY}: the run is {record.status}")
-    return Policy(read_trained(path))

@@ -15,6 +15,7 @@ from msgdrop_envs.drawing import (
     ORANGE,
     RED,
     SEEN,
+    Disc,
     canvas,
     framed,
     ring,
@@ -105,6 +106,23 @@ class NavigationView:
             row, column = self._pixel(state, point)
             ring(image, row, column, 0.0, LANDMARK_RADIUS * scale, GREEN if covered else ORANGE)
         return framed(image, BORDER)
+
+    def scene(self, state: State) -> list[Disc]:
+        """Agents, red while they touch, then landmarks, green once covered."""
+        side = 2.0 * self._reach(state)
+        touching, covered = self._touching(state).any(-1).tolist(), self._covered(state).tolist()
+        points = [*state.positions.tolist(), *state.landmarks.tolist()]
+        radii = [self.config.agent_radius] * len(touching) + [LANDMARK_RADIUS] * len(covered)
+        colours = [RED if each else BLUE for each in touching]
+        colours += [GREEN if each else ORANGE for each in covered]
+        labels = [*map(str, range(len(touching))), *[""] * len(covered)]
+        places = ([each / SIDE for each in self._pixel(state, point)] for point in points)
+        return [
+            Disc(column, row, radius / side, colour, label)
+            for (row, column), radius, colour, label in zip(
+                places, radii, colours, labels, strict=True
+            )
+        ]
 
     def _covered(self, state: State) -> Tensor:
         """Which landmarks are covered [L]."""

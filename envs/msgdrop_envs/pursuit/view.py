@@ -14,6 +14,7 @@ from msgdrop_envs.drawing import (
     GRID,
     ORANGE,
     SEEN,
+    Disc,
     canvas,
     fine_axis,
     framed,
@@ -96,6 +97,22 @@ class PursuitView:
         for (row, column), labels in self._held(state).items():
             _draw_cell(image[row * CELL :, column * CELL :], labels)
         return framed(image, BORDER)
+
+    def scene(self, state: State) -> list[Disc]:
+        """Pursuers, then free evaders; who shares a cell shares its space."""
+        discs: dict[str, Disc] = {}
+        evaders: list[Disc] = []
+        for (row, column), labels in self._held(state).items():
+            rank = ceil(sqrt(len(labels)))
+            for place, label in enumerate(labels):
+                x = (column + (place % rank + 0.5) / rank) / self.config.map_size
+                y = (row + (place // rank + 0.5) / rank) / self.config.map_size
+                radius = 0.44 / rank / self.config.map_size
+                if label == "E":
+                    evaders.append(Disc(x, y, 0.8 * radius, ORANGE))
+                else:
+                    discs[label] = Disc(x, y, radius, BLUE, label)
+        return [discs[str(number)] for number in range(self.config.pursuers)] + evaders
 
     def _cells(
         self, given: Mapping[str, Any], name: str, count: int

@@ -8,7 +8,7 @@ from typing import Any
 import torch
 from torch import Tensor
 
-from msgdrop_envs.drawing import BACKGROUND, BLUE, FRAME, ORANGE, write
+from msgdrop_envs.drawing import BACKGROUND, BLUE, FRAME, ORANGE, Disc, write
 from msgdrop_envs.waterworld.config import Config
 from msgdrop_envs.waterworld.rules import State
 
@@ -115,6 +115,19 @@ class WaterworldView:
         )
         framed[BORDER:-BORDER, BORDER:-BORDER] = image
         return framed.round().to(torch.uint8)
+
+    def scene(self, state: State) -> list[Disc]:
+        """Pursuers, food, poison, and the obstacle."""
+        radii = (self.config.radius, *self.config.radii[1:])
+        parts = zip(
+            state.positions.split(self._numbers), radii, (BLUE, ORANGE, PURPLE), strict=True
+        )
+        discs = [
+            Disc(x, 1.0 - y, radius, colour, str(number) if colour == BLUE else "")
+            for part, radius, colour in parts
+            for number, (x, y) in enumerate(part.tolist())
+        ]
+        return [*discs, Disc(0.5, 0.5, self.config.obstacle_radius, OBSTACLE)]
 
     def _ground(self, row: int, column: int) -> str:
         x, y = (column + 0.5) / COLUMNS, 1 - (row + 0.5) / ROWS

@@ -1,0 +1,81 @@
+"""An episode as a page or as a picture that moves; each is one file that needs nothing else."""
+
+import json
+from importlib import resources
+from io import BytesIO
+from typing import Any
+
+import msgdrop_cli.report
+
+_SIDE, _STRIP = 360, 16
+"""Pixels of the moving picture, and of the line of words below it."""
+_SLOWEST_MS, _FASTEST_MS, _LONGEST_MS = 100, 20, 20_000
+"""Of a frame, and of the whole: a long episode is shown faster."""
+_SMALLEST = 0.008
+"""Radius, as a part of the side, that everything has at least."""
+_BACKGROUND, _WORDS = (250, 250, 247), (70, 70, 74)
+_WORKS, _BROKEN = (178, 178, 174), (190, 30, 45)
+
+
+def page(episode: Any) -> bytes:
+    """A page with a slider; episode: an `engine.episode.Episode`.
+
+    Agents can be clicked: then only their links are shown.
+    """
+    frames = [
+        {
+            "discs": [
+                [round(d.x, 4), round(d.y, 4), round(d.radius, 4), list(d.colour), d.label]
+                for d in frame.discs
+            ],
+            "links": [[link.first, link.second, int(link.works)] for link in frame.links],
+            "lost": frame.lost,
+        }
+        for frame in episode.frames
+    ]
+    data = {
+        "title": episode.title,
+        "agents": list(episode.agents),
+        "outcome": episode.outcome,
+        "frames": frames,
+    }
+    text = json.dumps(data, separators=(",", ":"), allow_nan=False).replace("<", "\\u003c")
+    template = (resources.files(msgdrop_cli.report) / "replay.html").read_text("utf-8")
+    return template.replace("EPISODE", text, 1).encode()
+
+
+def moving_picture(episode: Any) -> bytes:
+    """A GIF that shows every step; episode: an `engine.episode.Episode`. Loads pillow."""
+    images = [_drawn(episode, number) for number in range(len(episode.frames))]
+    each = max(_FASTEST_MS, min(_SLOWEST_MS, _LONGEST_MS // len(images)))
+    content = BytesIO()
+    whole = {"save_all": True, "append_images": images[1:], "loop": 0, "optimize": False}
+    images[0].save(content, "GIF", duration=each // 10 * 10, **whole)  # it counts hundredths
+    return content.getvalue()
+
+
+def _drawn(episode: Any, number: int) -> Any:
+    from PIL import Image, ImageDraw
+
+    frame = episode.frames[number]
+    image = Image.new("RGB", (_SIDE, _SIDE + _STRIP), _BACKGROUND)
+    draw = ImageDraw.Draw(image)
+    agents, others = frame.discs[: len(episode.agents)], frame.discs[len(episode.agents) :]
+    for disc in others:
+        _disc(draw, disc)
+    for link in sorted(frame.links, key=lambda link: not link.works):
+        ends = [(agents[end].x * _SIDE, agents[end].y * _SIDE) for end in link[:2]]
+        draw.line(ends, fill=_WORKS if link.works else _BROKEN, width=1)
+    for disc in agents:
+        _disc(draw, disc)
+    words = f"step {number + 1} of {len(episode.frames)}, messages lost: {frame.lost}"
+    draw.rectangle((0, _SIDE, _SIDE, _SIDE + _STRIP), fill=_BACKGROUND)
+    draw.text((4, _SIDE + 2), words, fill=_WORDS)
+    return image.quantize(32, Image.Quantize.FASTOCTREE, dither=Image.Dither.NONE)
+
+
+def _disc(draw: Any, disc: Any) -> None:
+    x, y, radius = (each * _SIDE for each in (disc.x, disc.y, max(disc.radius, _SMALLEST)))
+    draw.ellipse((x - radius, y - radius, x + radius, y + radius), fill=disc.colour)
+    if disc.label:
+        draw.text((x, y), disc.label, fill=(255, 255, 255), anchor="mm")
