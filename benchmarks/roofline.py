@@ -32,7 +32,7 @@ from msgdrop_cli.engine import arithmetic
 from msgdrop_cli.engine.training import Training
 from msgdrop_cli.kernels.build import why_torch
 
-ASKED = {"pursuit-n6": 1.5, "pursuit-n8": 1.5, "navigation-n8": 2.0, "waterworld-n8": 2.0}
+ASKED = {"pursuit-n6": 1.5, "pursuit-n8": 1.5, "navigation-n8": 1.7, "waterworld-n8": 2.0}
 """Times the floor that an update should take at most."""
 
 

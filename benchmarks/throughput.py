@@ -31,10 +31,10 @@ from msgdrop_envs import autoreset, registry
 
 PUBLISHED = Path(__file__).parents[1] / "results" / "published"
 ASKED_RATIO = {
-    ("pursuit-n6", "dcc-md"): 12,
+    ("pursuit-n6", "dcc-md"): 15,
     ("pursuit-n8", "dcc-md"): 12,
     ("navigation-n8", "dcc-md"): 15,
-    ("waterworld-n8", "maddpg-md"): 6,
+    ("waterworld-n8", "maddpg-md"): 9,
 }
 """Times the plain implementation's speed that the engine should reach at least."""
 ASKED_ALONE = {

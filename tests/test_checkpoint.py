@@ -163,7 +163,7 @@ def test_another_kernel_is_refused_before_training(
     """The run stays `interrupted`, and goes on with the kernel that it began with."""
     with monkeypatch.context() as patch:
         patch.setattr("msgdrop_cli.engine.opening.kernel_name", lambda *_: "another")
-        with pytest.raises(RunError, match="this process has 'another'"):
+        with pytest.raises(RunError, match=r"has 'another', .* take the same msgdrop, --device"):
             resume(stopped)
     assert json.loads((stopped / "run.json").read_text())["status"] == "interrupted"
     assert resume(stopped).status == "done"

@@ -71,6 +71,16 @@ def test_a_torn_library_is_built_again(tmp_path: Path, monkeypatch: pytest.Monke
 
 
 @pytest.mark.usefixtures("small")
+def test_a_processor_that_does_not_fuse_is_torchs(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each product would be a call there, and torch's path takes a tenth of the time."""
+    monkeypatch.setattr(build, "_processor", lambda: b"flags\t\t: fpu sse sse2 avx")
+    assert fresh() is None
+    assert why_torch() == "this processor has no fused multiply-adds"
+    monkeypatch.setattr(build, "_processor", lambda: b"Features\t: fp asimd")
+    assert fresh() is not None
+
+
+@pytest.mark.usefixtures("small")
 def test_no_compiler_leaves_the_torch_path(monkeypatch: pytest.MonkeyPatch) -> None:
     """Nothing to compile with is no error."""
     monkeypatch.setenv("PATH", "")

@@ -15,6 +15,7 @@ from msgdrop_cli.algorithms.discovery import learner_class
 from msgdrop_cli.engine.facts import kernel_name
 from msgdrop_cli.kernels.build import library
 from msgdrop_cli.kernels.dcc import NAME
+from msgdrop_cli.kernels.structs import adam
 from msgdrop_cli.messages.received import Received
 from msgdrop_cli.ops.minibatch import Minibatch
 from msgdrop_envs import registry
@@ -86,14 +87,22 @@ def _drawn(learner: DCC, dtype: torch.dtype, seed: int) -> Minibatch:
 def test_update_is_the_torch_paths(
     changes: dict[str, Any], dtype: torch.dtype, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Three updates: losses, Q, moments (so gradients) and weights agree within 1e-5."""
+    """Three updates: losses, Q, moments (so gradients) and weights agree within 1e-5.
+
+    Of a gradient that cancels but for rounding Adam makes a whole step: such weights are left out.
+    """
     ours, oracle = _pair(dtype, monkeypatch, **changes)
+    cancelled = torch.zeros_like(oracle.online.flat, dtype=torch.bool)
     for step in range(3):
         batch, uniforms = _drawn(ours, dtype, 10 * step), mask_uniforms(ours, 2, step)
         for learner in (ours, oracle):
             learner.update(batch, uniforms)
+        size = oracle.adam.moments["exp_avg_sq"].flat.sqrt()
+        cancelled |= (size > 0) & (size < 1e-9 * size.max())
+        assert cancelled.float().mean() < 1e-3
         for part in ("online", "target"):
-            found, expected = getattr(ours, part).flat, getattr(oracle, part).flat
+            learners = (ours, oracle)
+            found, expected = (getattr(one, part).flat[~cancelled] for one in learners)
             torch.testing.assert_close(found, expected, rtol=0, atol=1e-5)
         for name, moment in oracle.adam.moments.items():
             scale = moment.flat.abs().max().item()
@@ -101,6 +110,11 @@ def test_update_is_the_torch_paths(
             torch.testing.assert_close(found, moment.flat, rtol=1e-5, atol=1e-5 * scale)
     for found, expected in zip(ours.metrics(0), oracle.metrics(0), strict=True):
         assert found == pytest.approx(expected, rel=1e-5)
+
+
+def test_what_a_moment_takes_of_a_gradient_is_rounded_once() -> None:
+    """1 - beta2 is 0.001 to the last bit; computed with a rounded beta2 it is 5e-5 too much."""
+    assert adam(1e-4, 1).new2 == torch.tensor(0.001).item()
 
 
 @pytest.mark.parametrize("dtype", [torch.uint8, torch.float32], ids=["bytes", "numbers"])

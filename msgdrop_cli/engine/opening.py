@@ -77,5 +77,6 @@ def _check_kernel(checkpoint: Checkpoint, kernel: str) -> None:
     if began_with != kernel:
         raise RunError(
             f"{checkpoint.path}: was trained with the {began_with!r} kernel, this process has"
-            f" {kernel!r}; take the same --device, compiler and MSGDROP_KERNEL as before"
+            f" {kernel!r}, whose last bits differ; take the same msgdrop, --device, compiler and"
+            f" MSGDROP_KERNEL as before, or begin the run anew in another folder"
         )

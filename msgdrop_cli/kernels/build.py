@@ -56,6 +56,8 @@ def _loaded() -> ctypes.CDLL | str:
         if wanted != "torch":
             raise DefinitionError(f"MSGDROP_KERNEL must be torch or not set, not {wanted[:64]!r}")
         return "MSGDROP_KERNEL=torch"
+    if _processor().startswith(b"flags") and b"fma" not in _processor().split():  # an x86
+        return "this processor has no fused multiply-adds"
     compiler = shutil.which("cc") or shutil.which("gcc") or shutil.which("clang")
     if compiler is None:
         return "no C compiler: cc, gcc or clang"

@@ -32,7 +32,7 @@ static void forward_first(const Work *w, Dense d, int64_t j0, int64_t j1, int64_
         }
     }
     for (int64_t b = 0; b < rows; b++)
-        for (int64_t h = 0; h < d.outputs; h += LANES) {
+        for (int64_t h = 0; h < d.outputs; h += WIDTH) {
             float *sum = out.at + b * out.row + h;
             AT(sum) = relu(READ(sum));
         }
@@ -122,7 +122,7 @@ static void step_first(const Work *w, const Rule *r, const Parameters *p, const 
 static void step_bias(const Work *w, const Rule *r, const Parameters *p, const Layer *l,
                       Matrix grad_out)
 {
-    for (int64_t h = 0; h < l->outputs; h += LANES) {
+    for (int64_t h = 0; h < l->outputs; h += WIDTH) {
         Vec sum = {0};
         for (int64_t b = 0; b < r->batch_size; b++) sum += READ(grad_out.at + b * grad_out.row + h);
         AT(w->gradient + h) = sum;

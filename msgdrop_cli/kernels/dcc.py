@@ -24,7 +24,7 @@ from msgdrop_cli.kernels.structs import (
 from msgdrop_cli.networks.stacked import Layers, Stacked
 from msgdrop_cli.ops.minibatch import Minibatch
 
-NAME = "c-dcc"
+NAME = "c-dcc-fma"
 _CHUNK = 64
 """Rows at a time when nothing is learnt: an agent's weights are read once for so many."""
 

@@ -9,7 +9,7 @@
 
 typedef struct { int64_t inputs, outputs, weight, bias; } Layer; /* offsets in a flat Stacked */
 typedef struct { float *weights, *exp_avg, *exp_avg_sq, *target; } Parameters; /* flat, all G */
-typedef struct { float step_size, root_scale, beta1, beta2, epsilon; } Adam;
+typedef struct { float step_size, root_scale, new1, new2, epsilon; } Adam; /* new1: 1 - beta1 */
 typedef struct { float *loss, *q; } Outcome;
 
 /* One network's layer: weight [inputs, outputs], bias [outputs]. */
@@ -70,13 +70,19 @@ static void narrowed(float *gradient, int64_t inputs, int64_t outputs)
 
 INLINE void adam_step(Adam r, float *weight, float *exp_avg, float *exp_avg_sq, Vec grad)
 {
-    const Vec m = AT(exp_avg) + (1.0f - r.beta1) * (grad - AT(exp_avg));
-    const Vec v = r.beta2 * AT(exp_avg_sq) + (1.0f - r.beta2) * (grad * grad);
+    const Vec m = fused(r.new1, grad - AT(exp_avg), AT(exp_avg));
+    const Vec v = fused(r.new2, fused_square(grad, -AT(exp_avg_sq)), AT(exp_avg_sq));
     AT(exp_avg) = m;
     AT(exp_avg_sq) = v;
     Vec root;
-    for (int i = 0; i < LANES; i++) root[i] = sqrtf(v[i]);
-    AT(weight) -= r.step_size * m / (r.root_scale * root + r.epsilon);
+    UNROLLED for (int i = 0; i < WIDTH; i++) root[i] = sqrtf(v[i]);
+    AT(weight) -= r.step_size * m / fused(r.root_scale, root, (Vec){0} + r.epsilon);
+}
+
+/* The target moves towards the weight by tau; at 0 it is not touched. */
+INLINE void follow(float *target, float *weight, float tau)
+{
+    if (tau > 0.0f) AT(target) = fused(tau, AT(weight) - AT(target), AT(target));
 }
 
 /* One step of the `count` parameters from `at` on, with factor * grad; then the target follows by
@@ -86,17 +92,17 @@ INLINE void adam_each(Adam r, const Parameters *p, int64_t at, const float *grad
 {
     float *w = p->weights + at, *m = p->exp_avg + at, *v = p->exp_avg_sq + at, *t = p->target + at;
     int64_t k = 0;
-    for (; k + LANES <= count; k += LANES) {
+    for (; k + WIDTH <= count; k += WIDTH) {
         adam_step(r, w + k, m + k, v + k, factor * READ(grad + k));
-        if (tau > 0.0f) AT(t + k) += tau * (READ(w + k) - READ(t + k));
+        follow(t + k, w + k, tau);
     }
     if (k == count) return;
     const size_t left = (size_t)(count - k) * sizeof(float);
-    float part[5][LANES] = {{0}}, *from[4] = {w + k, m + k, v + k, t + k};
+    float part[5][WIDTH] = {{0}}, *from[4] = {w + k, m + k, v + k, t + k};
     for (int i = 0; i < 4; i++) memcpy(part[i], from[i], left);
     memcpy(part[4], grad + k, left);
     adam_step(r, part[0], part[1], part[2], factor * READ(part[4]));
-    if (tau > 0.0f) AT(part[3]) += tau * (READ(part[0]) - READ(part[3]));
+    follow(part[3], part[0], tau);
     for (int i = 0; i < (tau > 0.0f ? 4 : 3); i++) memcpy(from[i], part[i], left);
 }
 
@@ -122,6 +128,6 @@ typedef struct { const char *name; int64_t offset, size; } Field; /* "Struct.fie
     STRUCT(Layer), FIELD(Layer, inputs), FIELD(Layer, outputs), FIELD(Layer, weight),        \
     FIELD(Layer, bias), STRUCT(Parameters), FIELD(Parameters, weights),                      \
     FIELD(Parameters, exp_avg), FIELD(Parameters, exp_avg_sq), FIELD(Parameters, target),    \
-    STRUCT(Adam), FIELD(Adam, step_size), FIELD(Adam, root_scale), FIELD(Adam, beta1),       \
-    FIELD(Adam, beta2), FIELD(Adam, epsilon), STRUCT(Outcome), FIELD(Outcome, loss),         \
+    STRUCT(Adam), FIELD(Adam, step_size), FIELD(Adam, root_scale), FIELD(Adam, new1),        \
+    FIELD(Adam, new2), FIELD(Adam, epsilon), STRUCT(Outcome), FIELD(Outcome, loss),          \
     FIELD(Outcome, q)

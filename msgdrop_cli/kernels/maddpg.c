@@ -104,11 +104,14 @@ static void last_gradients(const Work *w, const Layer *l, Matrix in, Matrix grad
 /* The factor that brings a gradient to at most `limit`; 0 does not clip, NaN goes through. */
 static float clip(const float *grad, const float *end, float limit)
 {
-    Vec sums[4] = {{0}};
+    enum { SUMS = 4 * LANES / WIDTH };
+    Vec sums[SUMS] = {{0}};
+    for (int64_t k = 0; grad < end; grad += WIDTH, k++)
+        sums[k % SUMS] = fused_square(READ(grad), sums[k % SUMS]);
+    const float *s = (const float *)sums;
     float total = 0.0f;
-    for (int64_t k = 0; grad < end; grad += LANES, k++) sums[k % 4] += READ(grad) * READ(grad);
-    const Vec sum = (sums[0] + sums[1]) + (sums[2] + sums[3]);
-    for (int i = 0; i < LANES; i++) total += sum[i];
+    for (int i = 0; i < LANES; i++)
+        total += (s[i] + s[i + LANES]) + (s[i + 2 * LANES] + s[i + 3 * LANES]);
     const float norm = sqrtf(total), factor = limit / (norm < 1e-12f ? 1e-12f : norm);
     return limit > 0.0f ? factor > 1.0f ? 1.0f : factor : 1.0f;
 }

@@ -22,7 +22,7 @@ from msgdrop_cli.kernels.structs import (
 from msgdrop_cli.networks.stacked import Layers, Stacked
 from msgdrop_cli.ops.minibatch import Minibatch
 
-NAME = "c-maddpg"
+NAME = "c-maddpg-fma"
 
 
 def serves(

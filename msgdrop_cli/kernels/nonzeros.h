@@ -76,14 +76,14 @@ static int64_t list_numbers(const float *x, int64_t units, List list, int64_t fo
 }
 
 /* The columns of a row, as many as registers hold; the last vector may overlap its neighbour. */
-#define VEC(v) ((v) == vecs - 1 ? last : (v) * LANES)
+#define VEC(v) ((v) == vecs - 1 ? last : (v) * WIDTH)
 #define BY_COLUMNS(width, CALL)                                                           \
     do {                                                                                  \
-        const int64_t all = ((width) + LANES - 1) / LANES, parts = (all + 7) / 8;         \
+        const int64_t all = ((width) + WIDTH - 1) / WIDTH, parts = (all + 7) / 8;         \
         const int64_t most = (all + parts - 1) / parts;                                   \
         for (int64_t vecs = all - most * (parts - 1), h = 0; h < (width); vecs = most) {  \
-            const int64_t next = h + vecs * LANES;                                        \
-            const int64_t last = (next < (width) ? next : (width)) - LANES - h;           \
+            const int64_t next = h + vecs * WIDTH;                                        \
+            const int64_t last = (next < (width) ? next : (width)) - WIDTH - h;           \
             switch (vecs) {                                                               \
                 case 1: CALL(1); break; case 2: CALL(2); break; case 3: CALL(3); break;   \
                 case 4: CALL(4); break; case 5: CALL(5); break; case 6: CALL(6); break;   \
@@ -97,14 +97,14 @@ INLINE void add_columns(int vecs, int64_t last, Row x, Factor f, Matrix weight, 
                         float *out)
 {
     Vec sum[8];
-    for (int v = 0; v < vecs; v++) sum[v] = e.start ? READ(e.start + VEC(v)) : (Vec){0};
+    UNROLLED for (int v = 0; v < vecs; v++) sum[v] = e.start ? READ(e.start + VEC(v)) : (Vec){0};
     for (int64_t n = 0; n < x.count; n++) {
         const float share = x.value[n] * f.of[x.unit[n] * f.step];
         const float *row = weight.at + x.unit[n] * weight.row;
         __asm__("" : "+r"(row)); /* one address for all of them; gcc makes one for each */
-        for (int v = 0; v < vecs; v++) sum[v] += share * READ(row + VEC(v));
+        UNROLLED for (int v = 0; v < vecs; v++) sum[v] = fused(share, READ(row + VEC(v)), sum[v]);
     }
-    for (int v = 0; v < vecs; v++) AT(out + VEC(v)) = e.after == RELU ? relu(sum[v]) : sum[v];
+    UNROLLED for (int v = 0; v < vecs; v++) AT(out + VEC(v)) = e.after == RELU ? relu(sum[v]) : sum[v];
 }
 
 /* out [width] = after(start [width] + (factors times x) times weight [units, width]) */
@@ -120,13 +120,13 @@ INLINE void spread_columns(int vecs, int64_t last, Row x, Factor f, const float 
                            Matrix gradient)
 {
     Vec slope[8], sum[8];
-    for (int v = 0; v < vecs; v++) slope[v] = READ(grad + VEC(v));
+    UNROLLED for (int v = 0; v < vecs; v++) slope[v] = READ(grad + VEC(v));
     for (int64_t n = 0; n < x.count; n++) {
         const float share = x.value[n] * f.of[x.unit[n] * f.step];
         float *row = gradient.at + x.unit[n] * gradient.row;
         __asm__("" : "+r"(row));
-        for (int v = 0; v < vecs; v++) sum[v] = READ(row + VEC(v)) + share * slope[v];
-        for (int v = 0; v < vecs; v++) AT(row + VEC(v)) = sum[v]; /* all are read by now: overlap */
+        UNROLLED for (int v = 0; v < vecs; v++) sum[v] = fused(share, slope[v], READ(row + VEC(v)));
+        UNROLLED for (int v = 0; v < vecs; v++) AT(row + VEC(v)) = sum[v]; /* all are read by now: overlap */
     }
 }
 

@@ -39,7 +39,7 @@ def _each(kind: Any, names: str) -> dict[str, Any]:
 
 Layer = _structure("Layer", **_each(c_int64, "inputs outputs weight bias"))
 Parameters = _structure("Parameters", **_each(c_void_p, "weights exp_avg exp_avg_sq target"))
-Adam = _structure("Adam", **_each(c_float, "step_size root_scale beta1 beta2 epsilon"))
+Adam = _structure("Adam", **_each(c_float, "step_size root_scale new1 new2 epsilon"))
 Outcome = _structure("Outcome", **_each(c_void_p, "loss q"))
 
 DCCNet = _structure(
@@ -124,7 +124,8 @@ def layers(weights: Stacked) -> dict[str, Structure]:
 def adam(learning_rate: float, step: int) -> Structure:
     """Adam's `step`-th step, from 1."""
     step_size = learning_rate / (1.0 - _BETA1**step)
-    return Adam(step_size, 1.0 / math.sqrt(1.0 - _BETA2**step), _BETA1, _BETA2, _EPSILON)
+    root_scale = 1.0 / math.sqrt(1.0 - _BETA2**step)
+    return Adam(step_size, root_scale, 1.0 - _BETA1, 1.0 - _BETA2, _EPSILON)
 
 
 def parameters(parts: Mapping[str, Stacked]) -> Structure:
