@@ -162,7 +162,7 @@ def test_what_computes_the_rule_is_the_rule(
 class Stubborn(DCC):
     """A rule of somebody's own: nothing is ever learnt."""
 
-    def minimise(self, minibatch: Any, keep: Tensor, step: int) -> tuple[Tensor, Tensor]:
+    def minimise(self, drawn: Any, by: Any, step: int) -> tuple[Tensor, Tensor]:
         """Nothing."""
         size = self.config.batch_size
         return torch.zeros(6, size), torch.zeros(6, 2 * size, 5)

@@ -6,6 +6,7 @@ import zipfile
 import zlib
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -209,7 +210,7 @@ def numbered(rows: int) -> Iterator[bytes]:
 
 def test_what_may_be_trained_may_be_read() -> None:
     """The longest log that a training may write is read, and none beyond it can be asked for."""
-    longest = {"train_env_steps": MOST_LOG_ROWS * 7, "log_every_env_steps": 7}
+    longest: dict[str, Any] = {"train_env_steps": MOST_LOG_ROWS * 7, "log_every_env_steps": 7}
     assert TrainingSpec(**longest).train_env_steps == MOST_LOG_ROWS * 7
     assert len(parse_rows(numbered(MOST_LOG_ROWS), "a")) == MOST_LOG_ROWS
     with pytest.raises(ValueError, match="log_every_env_steps must be at least"):

@@ -60,13 +60,20 @@ def step(
     The Transition holds the last observation of the old episode, the Games the first of the new.
     """
     games, transition = play(env, games, actions, uniforms)
+    return restart(env, games, transition, reset_uniforms), transition
+
+
+def restart(
+    env: Environment, games: Games, transition: Transition, reset_uniforms: Tensor
+) -> Games:
+    """Start the games anew that ended in this transition; reset_uniforms [..., reset_uniforms]."""
     ended = transition.ended
     if waiting.can_ask(ended) and not ended.any():  # a shortcut, never another result
-        return games, transition
+        return games
     # Chosen before they are seen: a game of other people begins only when somebody looks at it.
     state = select(ended, env.reset(reset_uniforms), games.state)
     obs = torch.where(ended[..., None, None], env.observe(state), games.obs)
-    return Games(state, torch.where(ended, 0, games.elapsed), obs), transition
+    return Games(state, torch.where(ended, 0, games.elapsed), obs)
 
 
 def take(games: Games, chosen: Tensor) -> Games:

@@ -27,12 +27,12 @@ from msgdrop_cli.algorithms.hearing import encoding_of, heard, said
 from msgdrop_cli.errors import DefinitionError
 from msgdrop_cli.kernels.dcc import NAME, DCCKernel, serves
 from msgdrop_cli.messages.encoders import OBSERVATION, encoder_of
-from msgdrop_cli.messages.received import Received
+from msgdrop_cli.messages.received import Heard
 from msgdrop_cli.messages.topologies import check_topology
 from msgdrop_cli.networks.q_network import q_network
 from msgdrop_cli.networks.stacked import Network, Stacked, initialise, parameter_count
 from msgdrop_cli.ops.exploration import annealed_epsilon, epsilon_greedy
-from msgdrop_cli.ops.message_dropout import execution_scale, inputs_of, keep_mask
+from msgdrop_cli.ops.message_dropout import InputFactors, execution_scale, inputs_of, keep_mask
 from msgdrop_cli.ops.minibatch import Blocks, Minibatch, seen_in_games
 from msgdrop_cli.ops.td import double_q_target, td_loss
 from msgdrop_envs.protocol import Environment
@@ -157,18 +157,18 @@ class DCC:
         keep = keep_mask(uniforms.view(len(uniforms), *self._mask_shape), self.rate).flatten(0, 1)
         return keep if self.config.drops_own else cat((self._keeps_own, keep), 2)
 
-    def minimise(self, minibatch: Minibatch, keep: Tensor, step: int) -> tuple[Tensor, Tensor]:
-        """Minimise DCC-MD's loss (label eq:5) by one step of Adam; keep [G, B, 1+S, 1 or W].
+    def minimise(self, drawn: Minibatch, by: InputFactors, step: int) -> tuple[Tensor, Tensor]:
+        """Minimise DCC-MD's loss (label eq:5) by one step of Adam.
 
         Returns the losses [G, B] and Q of the online networks [G, 2B, A] before the step.
         """
         with self.adam.descent() as theta:
-            batch = minibatch.copied()
+            batch = drawn.copied()
             om, next_om = batch.seen()  # (o, m), (o', m')
-            q = self.q(theta, om, keep)  # Q(o, m~; theta)
+            q = self.q(theta, om, by.now)  # Q(o, m~; theta)
             with torch.no_grad():
-                q_exec = self.q(self.online, next_om, self.scale)  # Q_exec(o', m'; theta)
-                next_q = self.q(self.target, next_om, keep)  # Q(o', m~'; theta-), the same mask
+                q_exec = self.q(self.online, next_om, by.executed)  # Q_exec(o', m'; theta)
+                next_q = self.q(self.target, next_om, by.after)  # Q(o', m~'; theta-), the same mask
                 discount = self.config.gamma * batch.discount
                 y = double_q_target(batch.reward, discount, next_q, q_exec)
             taken = q.gather(-1, batch.action[..., None]).squeeze(-1)  # Q(o, m~, a; theta)
@@ -200,7 +200,6 @@ class DCC:
         return DCCKernel(
             self._parts,
             self.shown_agents,
-            self.scale,
             observation=env.observation_size,
             message=self.encoding.width if self.encoding.apart else None,
             dtype=env.observation_dtype,
@@ -229,18 +228,20 @@ class DCC:
         c, over = self.config, self.config.epsilon_anneal_env_steps
         return annealed_epsilon(env_steps, c.epsilon_start, c.epsilon_final, over)
 
-    def act(self, obs: Tensor, uniforms: Tensor, env_steps: int | Tensor) -> Tensor:
+    def act(
+        self, obs: Tensor, uniforms: Tensor, env_steps: int | Tensor, received: Heard = None
+    ) -> Tensor:
         """With probability epsilon a random action, otherwise the policy's (l. 201-203).
 
         obs: [R, E, N, O]; uniforms: [R, E, N, 2]. Returns [R, E, N] int64.
         """
-        return epsilon_greedy(self.q_exec(obs), uniforms, self.epsilon(env_steps))
+        return epsilon_greedy(self.q_exec(obs, received), uniforms, self.epsilon(env_steps))
 
-    def act_greedily(self, obs: Tensor, received: Received | None = None) -> Tensor:
+    def act_greedily(self, obs: Tensor, received: Heard = None) -> Tensor:
         """The policy pi: argmax of Q_exec (label eq:policy), [R, E, N]; obs [R, E, N, O]."""
         return self.q_exec(obs, received).argmax(-1)
 
-    def q_exec(self, obs: Tensor, received: Received | None = None) -> Tensor:
+    def q_exec(self, obs: Tensor, received: Heard = None) -> Tensor:
         """Q_exec of the online networks: all messages, scaled by 1 - rate (l. 248): [R, E, N, A].
 
         obs: [R, E, N, O]; received: what arrives, None if it is everything; nothing is 0 (l. 525).
@@ -258,7 +259,8 @@ class DCC:
     def update(self, minibatch: Minibatch, uniforms: Tensor) -> None:
         """Update every agent once, on its own minibatch; uniforms [R, update_uniforms]."""
         keep = self.binary_mask(uniforms)
-        self._means.add(*self._computes.minimise(minibatch, keep, self.updates + 1))
+        by = InputFactors(keep, keep, self.scale).arriving(minibatch, self._links[0, 0])
+        self._means.add(*self._computes.minimise(minibatch, by, self.updates + 1))
         if self.does_more(self.updates):
             self.target.flat.copy_(self.online.flat)
         self.updates += 1
@@ -269,8 +271,7 @@ class DCC:
 
     def metrics(self, env_steps: int) -> list[dict[str, float | None]]:
         """Each run's epsilon now, and the means of loss and Q since the last call (None: none)."""
-        epsilon = float(self.epsilon(env_steps))
-        return [{"epsilon": epsilon, **means} for means in self._means.take()]
+        return [{"epsilon": float(self.epsilon(env_steps)), **m} for m in self._means.take()]
 
     def tensors(self, run: int) -> dict[str, Tensor]:
         """Online and target weights and Adam's moments of one run, as views."""

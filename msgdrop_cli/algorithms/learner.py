@@ -6,7 +6,7 @@ from typing import Any, Protocol
 from torch import Tensor
 
 from msgdrop_cli.algorithms.hearing import Encoding
-from msgdrop_cli.messages.received import Received
+from msgdrop_cli.messages.received import Heard
 from msgdrop_cli.ops.minibatch import Minibatch
 
 
@@ -53,15 +53,18 @@ class Learner(Protocol):
     def initialise(self, uniforms: Tensor) -> None:
         """Make new weights; uniforms [R, init_uniforms]."""
 
-    def act(self, obs: Tensor, uniforms: Tensor, env_steps: int | Tensor) -> Tensor:
+    def act(
+        self, obs: Tensor, uniforms: Tensor, env_steps: int | Tensor, received: Heard = None
+    ) -> Tensor:
         """Behave in training; obs [R, E, N, O], uniforms [R, E, N, act_uniforms].
 
+        received: what arrives of the messages; None: everything.
         env_steps: after how many; a float64 tensor [] in steps that are recorded to be repeated,
         which are never before the replay start.
         Returns [R, E, N] int64, or [R, E, N, A] float32 if actions are continuous.
         """
 
-    def act_greedily(self, obs: Tensor, received: Received | None = None) -> Tensor:
+    def act_greedily(self, obs: Tensor, received: Heard = None) -> Tensor:
         """Behave in execution, by what arrives of the messages; None: everything."""
 
     def update(self, minibatch: Minibatch, uniforms: Tensor) -> None:

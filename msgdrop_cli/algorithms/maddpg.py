@@ -26,7 +26,7 @@ from msgdrop_cli.algorithms.soft_target import SoftTarget
 from msgdrop_cli.errors import DefinitionError
 from msgdrop_cli.kernels.maddpg import NAME, MADDPGKernel, serves
 from msgdrop_cli.messages.encoders import OBSERVATION
-from msgdrop_cli.messages.received import Received
+from msgdrop_cli.messages.received import Heard
 from msgdrop_cli.messages.topologies.all import senders as all_others
 from msgdrop_cli.networks.critic import Critic, critic_of
 from msgdrop_cli.networks.perceptron import Perceptron
@@ -232,7 +232,9 @@ class MADDPG:
         self.actors.initialise(uniforms[:, :count])
         self.critics.initialise(uniforms[:, count:])
 
-    def act(self, obs: Tensor, uniforms: Tensor, env_steps: int | Tensor) -> Tensor:
+    def act(
+        self, obs: Tensor, uniforms: Tensor, env_steps: int | Tensor, received: Heard = None
+    ) -> Tensor:
         """The actor's action with Gaussian noise (l. 772); random ones before learning begins.
 
         obs: [R, E, N, O]; uniforms: [R, E, N, 2*A]. Returns [R, E, N, A] float32.
@@ -241,7 +243,7 @@ class MADDPG:
             return random_action(uniforms)
         return noisy_action(self.act_greedily(obs), uniforms, self.config.noise)
 
-    def act_greedily(self, obs: Tensor, received: Received | None = None) -> Tensor:
+    def act_greedily(self, obs: Tensor, received: Heard = None) -> Tensor:
         """The actor's action without noise; it hears nobody, so no channel changes anything."""
         return self._computes.actions(obs)
 

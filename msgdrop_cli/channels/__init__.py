@@ -54,6 +54,9 @@ class Kind:
     needs_positions: ClassVar[bool] = False
     """Whether it hangs on where the agents are."""
 
+    whole: ClassVar[bool] = True
+    """Whether what arrives is what its own sender said in the same game."""
+
     @property
     def oldest(self) -> int:
         """The greatest age that it gives."""

@@ -14,6 +14,7 @@ class Own(Kind):
     """What policies lose by it is what they owe to others; what stays is the size of the inputs."""
 
     example: ClassVar[tuple[float, ...]] = ()
+    whole: ClassVar[bool] = False
 
     def step(self, state: Tensor, uniforms: Tensor, scene: Scene) -> Arriving:
         """Its own, now."""

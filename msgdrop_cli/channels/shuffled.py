@@ -17,6 +17,7 @@ class Shuffled(Kind):
     """
 
     example: ClassVar[tuple[float, ...]] = ()
+    whole: ClassVar[bool] = False
 
     def step(self, state: Tensor, uniforms: Tensor, scene: Scene) -> Arriving:
         """The next game's."""

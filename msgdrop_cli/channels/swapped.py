@@ -16,6 +16,7 @@ class Swapped(Kind):
     """
 
     example: ClassVar[tuple[float, ...]] = ()
+    whole: ClassVar[bool] = False
 
     def step_uniforms(self, agents: int) -> int:
         """One for each message, to be sorted by."""

@@ -43,8 +43,14 @@ class TrainingSpec:
     """Window of one row of `metrics.jsonl` (ours)."""
     checkpoint_every_env_steps: int = field(default=100_000, metadata={"cosmetic": True})
     """Env steps between two checkpoints; never changes a result (ours)."""
+    channel: str = field(default="links:0", metadata={"later": True})
+    """What messages go through in training, if it only loses some: loss:0.2, nearest:2 (ours)."""
 
     def __post_init__(self) -> None:
+        try:  # `half` and `links:0.5` are one
+            object.__setattr__(self, "channel", Channel.read(self.channel).key)
+        except ValueError as error:
+            raise ValueError(f"channel: {error}") from error
         for name in (
             "train_env_steps",
             "games",

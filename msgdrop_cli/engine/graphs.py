@@ -79,7 +79,9 @@ class Chunks:
         """Advance by a chunk, if `most` steps allow it and learning has begun, or by one step."""
         training = self._training
         starts = training.learner.config.replay_start_env_steps
-        if self._recorder is None or most < self._steps or training.env_steps < starts:
+        # What a channel remembers changes its place at every step, which no recording knows.
+        recorder = None if training.losses else self._recorder
+        if recorder is None or most < self._steps or training.env_steps < starts:
             training.advance()
             return
         pattern = self._pattern()
@@ -88,7 +90,7 @@ class Chunks:
             return
         with self._in_place(pattern):
             if pattern not in self._recorded:
-                self._recorded[pattern] = self._recorder.record(self._play)
+                self._recorded[pattern] = recorder.record(self._play)
             self._recorded[pattern]()
 
     def _pattern(self) -> Pattern:

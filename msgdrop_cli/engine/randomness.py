@@ -16,7 +16,9 @@ from torch import Tensor
 
 from msgdrop_cli.kernels.build import library
 
-Name = Literal["init", "explore", "replay", "dropout", "env", "evaluate", "links", "noise", "worst"]
+Name = Literal[
+    "init", "explore", "replay", "dropout", "env", "evaluate", "links", "noise", "worst", "losses"
+]
 BLOCK = 16_384
 """Numbers made ahead at a time: enough that a draw costs a slice (benchmarks/NOTES.md)."""
 _WEYL, _MIX1, _MIX2 = 0x9E3779B97F4A7C15, 0xBF58476D1CE4E5B9, 0x94D049BB133111EB

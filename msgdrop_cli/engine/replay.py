@@ -36,6 +36,7 @@ class Replay:
         time_limit: int,
         action_size: int = 0,
         encoding: Encoding | None = None,
+        loses: bool = False,
         device: torch.device | str = "cpu",
     ) -> None:
         self.games, self.agents, self.time_limit = games, agents, time_limit
@@ -54,6 +55,11 @@ class Replay:
         if encoding is not None and encoding.apart:
             size = (*shape[:3], encoding.width)
             self.messages = pages.zeros(*size, dtype=torch.float32, device=device)
+        self.arrives: Tensor | None = None
+        """[R, obs rows, N, N-1] uint8: which messages arrived, where a channel loses some."""
+        if loses:
+            size = (*shape[:3], agents - 1)
+            self.arrives = pages.zeros(*size, dtype=torch.uint8, device=device)
         self.action = (
             torch.zeros(runs, rows, agents, action_size, device=device)
             if action_size
@@ -76,16 +82,24 @@ class Replay:
             return len(self)
         return self.clock.clamp(max=self.slots - 1) * self.games
 
-    def begin(self, obs: Tensor) -> None:
-        """Store what the agents see before their first action: [R, E, N, O]."""
-        for memory, seen in self._pairs(obs):
+    def begin(self, obs: Tensor, arrives: Tensor | None = None) -> None:
+        """Store what the agents see before their first action, [R, E, N, O], and what arrives."""
+        for memory, seen in self._pairs(obs, arrives):
             memory[:, : self.games] = seen
 
-    def add(self, actions: Tensor, transition: Transition, next_obs: Tensor) -> None:
+    def add(
+        self,
+        actions: Tensor,
+        transition: Transition,
+        next_obs: Tensor,
+        next_arrives: Tensor | None = None,
+        last_arrives: Tensor | None = None,
+    ) -> None:
         """Store one step of every game.
 
         actions [R, E, N] or [R, E, N, A]; transition [R, E, ...]; next_obs [R, E, N, O] after any
-        restart.
+        restart. next_arrives, last_arrives: [R, E, N, N-1], which messages arrive then, after any
+        restart and before it.
         """
         now = self.added if self.clock is None else self.clock
         here, there = self._rows(now), self._rows(now + 1)
@@ -93,14 +107,14 @@ class Replay:
         self.action[:, here] = actions.to(self.action.dtype)
         self.reward[:, here] = transition.reward
         self.discount[:, here] = transition.discount
-        for memory, seen in self._pairs(next_obs):
+        for memory, seen in self._pairs(next_obs, next_arrives):
             memory[:, there] = seen
         cut = transition.ended & (transition.discount > 0)  # [R, E]
         if not waiting.can_ask(cut) or cut.any():  # a shortcut, never another result
             end = self._end_rows(now)
             spare = self.obs.shape[1] - 1
             target = torch.where(cut, end, spare) + self._first_obs_row  # [R, E]
-            for memory, seen in self._pairs(transition.obs):
+            for memory, seen in self._pairs(transition.obs, last_arrives):
                 memory.flatten(0, 1)[target.flatten()] = seen.flatten(0, 1)
             next_row = torch.where(cut, end, next_row)
         self.next_row[:, here] = next_row.int()
@@ -129,6 +143,7 @@ class Replay:
             rows=rows.contiguous(),
             shown=shown,
             messages=self.messages,
+            arrives=self.arrives,
         )
 
     def stretch(self, run: int, first: int, last: int) -> dict[str, Tensor]:
@@ -142,22 +157,28 @@ class Replay:
         for name, ring in self._rings(run).items():
             ring[slots] = tensors[name].to(ring.device)
 
-    def put(self, run: int, obs: Tensor) -> None:
-        """Store what the agents of one run see now, before they act: [E, N, O]."""
-        for memory, seen in self._pairs(obs.expand(len(self.obs), *obs.shape)):
+    def put(self, run: int, obs: Tensor, arrives: Tensor | None = None) -> None:
+        """Store what the agents of one run see now, [E, N, O], and which messages arrive."""
+        runs = len(self.obs)
+        arrive = None if arrives is None else arrives.expand(runs, *arrives.shape)
+        for memory, seen in self._pairs(obs.expand(runs, *obs.shape), arrive):
             memory[run, self._rows(self.added)] = seen[run]
 
     def cut_episodes(self, run: int) -> dict[str, Tensor]:
         """What is stored of the ends of cut episodes of one run, as views: [rows, N, ...]."""
         ends = slice(self.slots * self.games, -1)
-        found = {"cut_episodes": self.obs[run, ends]}
-        return (
-            found if self.messages is None else {**found, "cut_messages": self.messages[run, ends]}
-        )
+        memories = {
+            "cut_episodes": self.obs,
+            "cut_messages": self.messages,
+            "cut_arrives": self.arrives,
+        }
+        return {name: each[run, ends] for name, each in memories.items() if each is not None}
 
-    def _pairs(self, obs: Tensor) -> Iterator[tuple[Tensor, Tensor]]:
+    def _pairs(self, obs: Tensor, arrives: Tensor | None) -> Iterator[tuple[Tensor, Tensor]]:
         """Memories, and what belongs there when the agents see obs [R, E, N, O]."""
         yield self.obs, obs
+        if self.arrives is not None and arrives is not None:
+            yield self.arrives, arrives
         said = self._encoding.message(obs) if self._encoding else None
         if self.messages is not None and said is not None:
             yield self.messages, said
@@ -174,6 +195,8 @@ class Replay:
         }
         if self.messages is not None:
             rings["messages"] = self.messages[run, :rows]
+        if self.arrives is not None:
+            rings["arrives"] = self.arrives[run, :rows]
         return {name: ring.unflatten(0, (self.slots, self.games)) for name, ring in rings.items()}
 
     def _slots(self, first: int, last: int) -> Tensor:

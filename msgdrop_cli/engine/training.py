@@ -10,9 +10,12 @@ import torch
 from torch import Tensor
 
 from msgdrop_cli.algorithms.discovery import learner_class
+from msgdrop_cli.definition.channel import NONE_BROKEN, Channel
 from msgdrop_cli.definition.spec import RunSpec
+from msgdrop_cli.engine.losses import losses_of
 from msgdrop_cli.engine.randomness import Streams
 from msgdrop_cli.engine.replay import Replay
+from msgdrop_cli.errors import DefinitionError
 from msgdrop_cli.ops.minibatch import Minibatch
 from msgdrop_envs import autoreset, registry
 
@@ -38,8 +41,13 @@ class Training:
             time_limit=self.env.time_limit,
             action_size=self.env.action_size,
             encoding=self.learner.encoding,
+            loses=Channel.read(spec.training.channel) != NONE_BROKEN,
             device=device,
         )
+        self.losses = losses_of(spec.training.channel, self.env, self.streams, self.games_each)
+        """What a channel loses in training; None if there is none."""
+        if self.losses and not make.listens:
+            raise DefinitionError("training.channel: these agents hear nobody when they act")
         self.env_steps = 0
         self.sums = torch.zeros(len(self.env.counts) + 3, self.runs, device=device)
         """Since the last log: counts, then finished, episodes and return, [counts + 3, R]."""
@@ -57,7 +65,9 @@ class Training:
         spread = torch.arange(self.games_each, device=uniforms.device)
         elapsed = spread * self.env.time_limit // self.games_each
         self.games = autoreset.start(self.env, uniforms, elapsed.repeat(self.runs, 1))
-        self.replay.begin(self.games.obs)
+        if self.losses:
+            self.losses.begin(self.games)
+        self.replay.begin(self.games.obs, self.losses.arrives if self.losses else None)
 
     def advance(self) -> None:
         """One step of every game, and the updates that are due."""
@@ -72,15 +82,21 @@ class Training:
         uniforms = self.streams.uniforms("explore", *shape)
         clock = self.replay.clock
         now = self.env_steps if clock is None else (clock * self.games_each).double()
-        return self.learner.act(self.games.obs, uniforms, now)
+        received = self.losses.received if self.losses else None
+        return self.learner.act(self.games.obs, uniforms, now, received)
 
     def play(self, actions: Tensor) -> None:
         """Execute the joint actions and store the transitions (l. 207-213)."""
         env, each = self.env, self.games_each
         uniforms = self.streams.uniforms("env", each, env.step_uniforms + env.reset_uniforms)
         step, reset = uniforms.split([env.step_uniforms, env.reset_uniforms], -1)
-        self.games, transition = autoreset.step(env, self.games, actions, step, reset)
-        self.replay.add(actions, transition, self.games.obs)
+        before, transition = autoreset.play(env, self.games, actions, step)
+        self.games = autoreset.restart(env, before, transition, reset)
+        if self.losses:
+            last = self.losses.advance(before, self.games, transition.ended)
+            self.replay.add(actions, transition, self.games.obs, self.losses.arrives, last)
+        else:
+            self.replay.add(actions, transition, self.games.obs)
         self.env_steps += each
         counts = [transition.info[name] for name in env.counts]
         finished = transition.ended & (transition.discount == 0)

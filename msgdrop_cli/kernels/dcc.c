@@ -180,9 +180,11 @@ void dcc_q_values(const Net *n, const Parameters *p, const Memory *m, const Fact
         }
 }
 
-/* One update of every network; loss [G, B], q [G, 2B, actions] of the online networks before it. */
-void dcc_update(const Net *n, const Parameters *p, const Memory *m, const Factors *mask,
-                const Factors *scale, const Rule *r, char *scratch, const Outcome *outcome)
+/* One update of every network; loss [G, B], q [G, 2B, actions] of the online networks before it.
+ *
+ * factors: three, of (o, m), of (o', m') for the target, and of (o', m') for Q_exec. */
+void dcc_update(const Net *n, const Parameters *p, const Memory *m, const Factors *factors,
+                const Rule *r, char *scratch, const Outcome *outcome)
 {
     const int64_t size = r->batch_size;
     Work w = {.net = n, .memory = m, .masked = size};
@@ -190,18 +192,19 @@ void dcc_update(const Net *n, const Parameters *p, const Memory *m, const Factor
     lay_out(n, 2 * size, scratch, &w);
     for (w.g = 0; w.g < n->networks; w.g++) {
         const int64_t run = w.g / m->agents;
-        w.mask = own_factors(mask, w.g, 0);
-        w.scale = own_factors(scale, w.g, 0);
+        w.mask = own_factors(&factors[1], w.g, 0);
+        w.scale = own_factors(&factors[2], w.g, 0);
         for (int64_t b = 0; b < size; b++) { /* the observations, then the next ones */
             const int64_t row = m->rows[w.g * size + b];
             w.row[b] = run * m->obs_rows + row;
             w.row[size + b] = run * m->obs_rows + m->next_row[run * m->run_rows + row];
         }
         list_inputs(&w, 2 * size);
-        multiply_inputs(&w, 0, 2 * size, w.online.x.at);
         multiply_inputs(&w, size, size, w.target.x.at);
+        forward(&w, p->target, size, size, &w.target);
+        w.mask = own_factors(&factors[0], w.g, 0);
+        multiply_inputs(&w, 0, 2 * size, w.online.x.at);
         forward(&w, p->weights, 0, 2 * size, &w.online);
-        forward(&w, p->target, size, size, &w.target); /* the same mask */
         loss_gradient(&w, r, outcome->loss + w.g * size);
         backward(&w, r, p);
         for (int64_t i = 0; i < 2 * size; i++, q += n->h2.outputs)

@@ -22,6 +22,7 @@ from msgdrop_cli.kernels.structs import (
     pointer,
 )
 from msgdrop_cli.networks.stacked import Layers, Stacked
+from msgdrop_cli.ops.message_dropout import InputFactors
 from msgdrop_cli.ops.minibatch import Minibatch
 
 NAME = "c-dcc-fma"
@@ -66,7 +67,6 @@ class DCCKernel:
         self,
         parts: Mapping[str, Stacked],
         shown: Tensor,
-        scale: Tensor,
         *,
         observation: int,
         message: int | None,
@@ -76,17 +76,15 @@ class DCCKernel:
         gamma: float,
         huber: bool,
     ) -> None:
-        """parts: online, target, exp_avg, exp_avg_sq; shown [N, 1+S]; scale [G, 1, 1+S, 1].
+        """parts: online, target, exp_avg, exp_avg_sq; shown [N, 1+S]: whom agent i is shown.
 
-        shown: whom agent i is shown; scale: the factors of Q_exec; message: the numbers of one
-        that is stored beside the observations, None if these are the messages.
+        message: the numbers of one that is stored beside the observations, None if these are the
+        messages.
         """
         functions = library()
         assert functions is not None
         functions.dcc_scratch_bytes.restype = c_int64
         self._functions, self._shown, self._dtype = functions, shown, dtype
-        self._kept = scale  # as long as its place is known to C
-        self._scale = _factors(scale.expand(-1, batch_size, -1, -1))  # every row's, at one place
         self._learning_rate, self._gamma, self._huber = learning_rate, gamma, huber
         self._parameters = parameters(parts)
         online = parts["online"]
@@ -101,21 +99,22 @@ class DCCKernel:
         self._outcome = outcome(self._loss, self._q)
         self._scratch: dict[int, Tensor] = {}
 
-    def minimise(self, minibatch: Minibatch, keep: Tensor, step: int) -> tuple[Tensor, Tensor]:
-        """Adam's `step`-th step, from 1; keep [G, B, 1+S, 1 or W].
+    def minimise(
+        self, minibatch: Minibatch, factors: InputFactors, step: int
+    ) -> tuple[Tensor, Tensor]:
+        """Adam's `step`-th step, from 1; factors: of this step's and the next step's inputs.
 
         Returns the losses [G, B] and Q of the online networks [G, 2B, A], kept until the next call.
         """
-        size, blocks = self._loss.shape[1], self._shown.shape[1]
-        assert keep.shape[:3] == (len(self._loss), size, blocks)
-        step_of_adam = adam(self._learning_rate, step)
+        size = self._loss.shape[1]
+        each = [factor.expand(-1, size, -1, -1) for factor in factors]
+        assert all(factor.shape[:3] == (*self._loss.shape, self._shown.shape[1]) for factor in each)
         self._functions.dcc_update(
             byref(self._net),
             byref(self._parameters),
             byref(_memory(minibatch)),
-            byref(_factors(keep)),
-            byref(self._scale),
-            byref(DCCRule(self._gamma, self._huber, step_of_adam, size)),
+            (Factors * 3)(*map(_factors, each)),
+            byref(DCCRule(self._gamma, self._huber, adam(self._learning_rate, step), size)),
             self._buffers(2 * size),
             byref(self._outcome),
         )

@@ -34,3 +34,7 @@ class Received(NamedTuple):
             messages *= arrives.shape[-1] / arrives.sum(-1, keepdim=True).clamp(min=1.0)
         messages *= arrives
         return factors
+
+
+Heard = Received | None
+"""None: everything that is said in this step."""

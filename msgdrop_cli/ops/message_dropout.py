@@ -6,8 +6,36 @@ Letters: `R` runs, `N` agents, `G = R*N`, `S` senders, `B` batch, `M` one messag
 """
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 from torch import Tensor, cat
+
+from msgdrop_cli.ops.minibatch import Minibatch
+
+
+class InputFactors(NamedTuple):
+    """What the inputs of one update are multiplied by, [G, B or 1, 1+S, 1 or more] each."""
+
+    now: Tensor
+    """(o, m): the mask b (paper l. 217)."""
+    after: Tensor
+    """(o', m') in the target network: the same mask."""
+    executed: Tensor
+    """(o', m') in Q_exec: 1 - rate (l. 248)."""
+
+    def arriving(self, drawn: Minibatch, links: Tensor) -> "InputFactors":
+        """0 for messages that a channel lost in training, in this step or in the next one.
+
+        links: [N, S], where those who are heard stand among all others.
+        """
+        if drawn.arrives is None:
+            return self
+        now, after = drawn.arrived(links)  # [G, B, S]
+        found = []
+        for factor, arrives in zip(self, (now, after, after), strict=True):
+            found.append(factor.expand(-1, arrives.shape[1], -1, -1).clone())
+            found[-1][:, :, 1:] *= arrives[..., None]
+        return InputFactors(*found)
 
 
 def keep_mask(uniforms: Tensor, rate: Tensor) -> Tensor:

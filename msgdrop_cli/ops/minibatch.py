@@ -65,6 +65,28 @@ class Minibatch:
     messages: Tensor | None = None
     """[R, obs rows, N, M] float32: joint messages; None where observations are the messages."""
 
+    arrives: Tensor | None = None
+    """[R, obs rows, N, S] uint8: which messages arrived; None where no channel loses any."""
+
+    def arrived(self, links: Tensor) -> tuple[Tensor, Tensor]:
+        """What arrived with the drawn observations and with the next ones, [G, B, S] float32.
+
+        links: [N, S], where those who are heard stand among all others.
+        """
+        assert self.arrives is not None
+        agents = torch.arange(len(links), device=links.device)[:, None]
+        rows = self._obs_rows() * len(links) + agents  # [R, N, 2B]
+        found = self.arrives.flatten(0, 2)[rows]  # [R, N, 2B, all others]
+        heard = found.gather(-1, links[:, None].expand(*found.shape[:1], -1, found.shape[2], -1))
+        now, after = heard.float().flatten(0, 1).chunk(2, 1)
+        return now, after
+
+    def _obs_rows(self) -> Tensor:
+        """The rows of the drawn observations and of the next ones in all memories: [R, N, 2B]."""
+        run = torch.arange(len(self.rows), device=self.rows.device)[:, None, None]
+        taken = run * self.discount.shape[1] + self.rows  # `take` reads flat memories
+        return torch.cat((self.rows, self.next_row.take(taken)), -1) + run * self.obs.shape[1]
+
     def copied(self) -> Batch:
         """The numbers themselves, network by network."""
         return self._joint_batch() if self.rows.dim() == 2 else self._batch()
@@ -74,8 +96,8 @@ class Minibatch:
         run = torch.arange(runs, device=self.rows.device)[:, None, None]
         agent = torch.arange(agents, device=self.rows.device)[:, None]
         taken = run * self.discount.shape[1] + self.rows  # [R, N, B], `take` reads flat memories
-        both = torch.cat((self.rows, self.next_row.take(taken)), -1) + run * self.obs.shape[1]
-        blocks = both[..., None] * self.obs.shape[2] + self.shown[:, None]  # [R, N, 2B, 1+S]
+        blocks = self._obs_rows()[..., None] * self.obs.shape[2] + self.shown[:, None]
+        # [R, N, 2B, 1+S]
         own = torch.add(agent, taken, alpha=agents)
         return Batch(
             obs=_taken(self.obs, blocks if self.messages is None else blocks[..., :1]),
