@@ -9,6 +9,7 @@ from torch import Tensor
 from msgdrop_cli.definition.spec import PlannedRun
 from msgdrop_cli.engine.graphs import Chunks, Recorder
 from msgdrop_cli.engine.training import Training
+from tests.dcc_samples import rand
 from tests.runs import planned
 
 CASES: dict[str, dict[str, Any]] = {
@@ -18,6 +19,7 @@ CASES: dict[str, dict[str, Any]] = {
     "pursuit, elements": {"algorithm": "full-sd"},
     "pursuit, own": {"algorithm": "fdc"},
     "pursuit, concatenated": {"algorithm": "concat-md", "epsilon_anneal_env_steps": 0},
+    "pursuit, compressed": {"encoder": "autoencoder"},
     "navigation": {"environment": "navigation-n8", "time_limit": 7},
     "waterworld": {
         "algorithm": "maddpg-md",
@@ -47,7 +49,8 @@ def small_runs(algorithm: str = "dcc-md", games: int = 8, **settings: Any) -> li
 def begun(runs: list[PlannedRun], device: str = "cpu") -> Training:
     """A training that has begun."""
     training = Training([run.spec for run in runs], device)
-    training.begin()
+    encoder = training.learner.encoding.tensors(0).items()
+    training.begin({name: rand(*part.shape, seed=1) - 0.5 for name, part in encoder})
     return training
 
 
@@ -58,6 +61,8 @@ def everything(training: Training) -> dict[str, Tensor]:
     learner = {f"{r}.{k}": v for r in (0, 1) for k, v in training.learner.tensors(r).items()}
     rings = ("action", "reward", "discount", "next_row")
     memory = {"seen": replay.obs[:, :-1], **{name: getattr(replay, name) for name in rings}}
+    if replay.messages is not None:
+        memory["said"] = replay.messages[:, :-1]
     return {
         **{**state, **learner, **memory},
         **{"elapsed": games.elapsed, "obs": games.obs, "sums": training.sums},

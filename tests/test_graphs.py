@@ -76,6 +76,7 @@ LAUNCHES = {
     "pursuit, elements": 402,
     "pursuit, own": 375,
     "pursuit, concatenated": 385,
+    "pursuit, compressed": 410,
     "navigation": 390,
     "waterworld": 655,
 }
