@@ -83,6 +83,7 @@ static void loss_gradient(const Work *w, const Rule *r, float *loss)
 
 static void step(const Work *w, const Rule *r, const Parameters *p, int64_t at, int64_t count)
 {
+    ask_ahead(w);
     adam_each(r->adam, p, at, w->gradient, count, 1.0f, 0.0f);
 }
 
@@ -187,18 +188,15 @@ void dcc_update(const Net *n, const Parameters *p, const Memory *m, const Factor
                 const Rule *r, char *scratch, const Outcome *outcome)
 {
     const int64_t size = r->batch_size;
-    Work w = {.net = n, .memory = m, .masked = size};
+    int64_t asked;
+    Work w = {.net = n, .memory = m, .masked = size, .asked = &asked};
     float *q = outcome->q;
     lay_out(n, 2 * size, scratch, &w);
     for (w.g = 0; w.g < n->networks; w.g++) {
-        const int64_t run = w.g / m->agents;
+        asked = 0;
         w.mask = own_factors(&factors[1], w.g, 0);
         w.scale = own_factors(&factors[2], w.g, 0);
-        for (int64_t b = 0; b < size; b++) { /* the observations, then the next ones */
-            const int64_t row = m->rows[w.g * size + b];
-            w.row[b] = run * m->obs_rows + row;
-            w.row[size + b] = run * m->obs_rows + m->next_row[run * m->run_rows + row];
-        }
+        for (int64_t b = 0; b < 2 * size; b++) w.row[b] = row_seen(&w, b);
         list_inputs(&w, 2 * size);
         multiply_inputs(&w, size, size, w.target.x.at);
         forward(&w, p->target, size, size, &w.target);

@@ -8,7 +8,7 @@
 #include "layers.h"
 #include "nonzeros.h"
 
-enum { AHEAD = 4 };
+enum { AHEAD = 4, ASKED = 8 }; /* rows: within a list; of the next network, a layer */
 
 typedef struct {
     int64_t networks, blocks, own_blocks, units, message, bytes, apart;
@@ -40,6 +40,7 @@ typedef struct {
     Matrix grad_q, grad_h1, grad_joint, grad_f1;
     float *padded, *gradient, *turned;
     int64_t *row;   /* [rows] of obs */
+    int64_t *asked; /* how many of the next network's rows were asked for */
     int32_t *start; /* [rows, listed + 1]: a block's first entry of the list */
     List list;
 } Work;
@@ -69,6 +70,33 @@ static const void *block_at(const Work *w, int64_t b, int64_t j)
     if (w->net->apart && j > 0) return m->messages + block * w->net->message;
     const int64_t at = block * w->net->units;
     return (const char *)m->obs + at * (w->net->bytes ? 1 : (int64_t)sizeof(float));
+}
+
+/* The row of obs that sample b sees: the observations, then the next ones. */
+static int64_t row_seen(const Work *w, int64_t b)
+{
+    const Memory *m = w->memory;
+    const int64_t run = w->g / m->agents, size = w->masked;
+    const int64_t row = m->rows[w->g * size + b % size];
+    return run * m->obs_rows + (b < size ? row : m->next_row[run * m->run_rows + row]);
+}
+
+/* Asks for some numbers of the next network: they lie anywhere in memory, and all at once they
+ * would wait for each other. */
+static void ask_ahead(const Work *w)
+{
+    int64_t row;
+    Work next = *w;
+    next.g++, next.row = &row;
+    if (w->net->bytes || next.g == w->net->networks) return;
+    for (int i = 0; i < ASKED && *w->asked < 2 * w->masked; i++) {
+        row = row_seen(&next, (*w->asked)++);
+        for (int64_t j = 0; j < w->net->blocks; j++) {
+            const float *later = block_at(&next, 0, j);
+            const int64_t units = j == 0 ? w->net->units : w->net->message;
+            for (int64_t k = 0; k < units; k += LANES) __builtin_prefetch(later + k, 0, 2);
+        }
+    }
 }
 
 static void list_inputs(const Work *w, int64_t rows)
