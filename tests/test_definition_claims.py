@@ -1,6 +1,7 @@
 """Claims and what decides them, as a question states both."""
 
 import re
+import tomllib
 from pathlib import Path
 
 import pytest
@@ -8,6 +9,7 @@ import pytest
 from msgdrop_cli.definition.load import load_definition
 from msgdrop_cli.definition.registration import registered_as
 from msgdrop_cli.definition.spec import Registration
+from msgdrop_cli.definition.strict import build
 from tests.test_definition_load import GOOD, load
 
 BOTH = 'better = "b-0.2"\nworse = ["a"]'
@@ -130,3 +132,11 @@ def test_a_family_has_an_end(tmp_path: Path) -> None:
         "registration: 11 claims are of one family (tiny-n2, after training); at most 10 can be"
         " judged together"
     )
+
+
+def test_the_documented_registration_is_a_shipped_one() -> None:
+    """What docs/verdicts.md shows is what decides the broken links."""
+    page = (Path(__file__).parents[1] / "docs" / "verdicts.md").read_text()
+    [text] = re.findall(r"```toml\n(.*?)```", page, re.DOTALL)
+    table = tomllib.loads(text)["registration"]
+    assert build(Registration, table, "docs") == load_definition("broken-links").registration
