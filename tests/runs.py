@@ -5,8 +5,9 @@ import json
 from dataclasses import fields, replace
 from pathlib import Path
 
+from msgdrop_cli.definition.plan import ad_hoc_definition, plan
 from msgdrop_cli.definition.run_id import run_id
-from msgdrop_cli.definition.spec import PlannedRun, RunSpec, TrainingSpec
+from msgdrop_cli.definition.spec import PlannedRun, Profile, RunSpec, TrainingSpec
 from msgdrop_cli.engine.offers import catalogue
 
 
@@ -57,6 +58,19 @@ def planned(
         profile="tiny",
         spec=spec,
     )
+
+
+def foreign_run(
+    game: str, algorithm: str = "dcc-md", *overrides: str, steps: int = 480
+) -> PlannedRun:
+    """A run of a few hundred env steps, as `train --env` plans it."""
+    training = {"train_env_steps": steps, "log_every_env_steps": 80}
+    training["checkpoint_every_env_steps"] = 160
+    name = f"tests.somebodys_game:{game}"
+    question = ad_hoc_definition(name, [algorithm], "tiny", Profile(seeds=1, training=training))
+    small = ("algorithm.replay_start_env_steps=100", "algorithm.replay_capacity=200")
+    [run] = plan(question, "tiny", catalogue(), overrides=[*small, *overrides]).runs
+    return run
 
 
 class StopAt:

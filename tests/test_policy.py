@@ -94,6 +94,12 @@ def test_many_games_are_answered_as_one_by_one(run: Path, shown: Rows) -> None:
     actions[0] = 1
 
 
+def test_double_precision_is_welcome(run: Path, shown: Rows) -> None:
+    """It is rounded, as networks see it."""
+    policy = load_policy(run)
+    assert (policy.act(shown.astype(np.float64) + 1e-12) == policy.act(shown)).all()
+
+
 def test_messages_that_do_not_arrive_are_not_heard(run: Path, shown: Rows) -> None:
     """As in evaluation: keep [..., N, S] is what `act_greedily` takes."""
     policy, learner = load_policy(run), read_trained(run).learner

@@ -72,29 +72,33 @@ class Policy:
         """The actions of all agents; what is given by name is answered by name.
 
         observations: [..., N, O] for any number of games, or the dictionary of a PettingZoo
-        environment, agent to [O]. keep: which messages arrive, [..., N, S] of 0 and 1 (sender k of
-        agent i is agent k, or k + 1 from i on); None: all.
+        environment, agent to what it sees in any shape. keep: which messages arrive, [..., N, S] of
+        0 and 1 (sender k of agent i is agent k, or k + 1 from i on); None: all.
         Returns int64 [..., N], or float32 [..., N, A]: in [-1, 1], or in the bounds of the game of
         other people that it was trained in. Raises ValueError for other shapes, agents, or numbers
         that this game does not show.
         """
         if isinstance(observations, Mapping):
-            names = self._names(observations)
-            rows = self._actions(np.stack([observations[name] for name in names]), keep)
-            return dict(zip(names, rows, strict=True))  # type: ignore[return-value]
+            rows = self._actions(self._rows(observations), keep)
+            named = zip(self.agents or observations, rows, strict=True)
+            answered = {name: row for name, row in named if name in observations}
+            return answered  # type: ignore[return-value]
         return self._actions(observations, keep)  # type: ignore[return-value]
 
-    def _names(self, observations: Mapping[str, Any]) -> tuple[str, ...]:
+    def _rows(self, observations: Mapping[str, Any]) -> _Array:
+        """What each agent sees, flat; zeros for who has left a game of other people, as trained."""
         names = self.agents or tuple(observations)
-        if set(names) != set(observations):
+        missing, unknown = set(names) - set(observations), set(observations) - set(names)
+        if unknown or (missing and not isinstance(self._env, Foreign)):
             raise ValueError(f"observations are needed of {list(names)}, not {list(observations)}")
-        return names
+        nothing = np.zeros(self._env.observation_size, np.float32)
+        return np.stack([np.ravel(observations.get(name, nothing)) for name in names])
 
     def _actions(self, observations: Any, keep: Any) -> _Array:
         env = self._env
         obs = self._games(observations, "observations", env.observation_size)
         shown = obs.to(env.observation_dtype)
-        if not torch.equal(shown.to(obs.dtype), obs):
+        if not shown.is_floating_point() and not torch.equal(shown.to(obs.dtype), obs):
             raise ValueError(f"observations of {self.environment} are {env.observation_dtype}")
         arrives = None if keep is None else self._games(keep, "keep", env.agents - 1).float()
         if arrives is not None and len(arrives[0]) != len(obs[0]):
