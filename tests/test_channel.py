@@ -16,7 +16,17 @@ def test_a_share_alone_means_broken_links(value: object) -> None:
     assert Channel.read(value) == HALF
 
 
-@pytest.mark.parametrize("text", ["loss:0.2", "bursts:0.082,15", "tmc-light", "delay:3", "a:1e-07"])
+@pytest.mark.parametrize(
+    "text",
+    [
+        "loss:0.2",
+        "bursts:0.082,15",
+        "own",
+        "links:0.5+mean",
+        "delay:3+hold:2",
+        "loss:1e-07+scale:one",
+    ],
+)
 def test_a_key_is_read_as_what_it_was_printed_from(text: str) -> None:
     """One text a channel, with the shortest digits."""
     assert Channel.read(text).key == text
@@ -25,7 +35,9 @@ def test_a_key_is_read_as_what_it_was_printed_from(text: str) -> None:
 @pytest.mark.parametrize(
     "value",
     ["", ":", "1.5", "-0.1", "links", "links:2", "links:0.1,0.2", "loss:", "loss:x", "loss:inf",
-     "Loss:1", "a b", "half:1,", True, None, [0.5], {"links": 0.5}, 10**400, float("nan")],
+     "Loss:1", "a b", "half:1,", "loss:1+hold:0",
+     "loss:1+hold:2+mean", "loss:1+scale:two", "half+x", True, None,
+     [0.5], {"links": 0.5}, 10**400, float("nan")],
 )  # fmt: skip
 def test_anything_else_is_refused(value: object) -> None:
     """In one line that says what was expected."""

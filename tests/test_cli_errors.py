@@ -33,7 +33,7 @@ BAD_INPUT = [
     (["eval", "--broken-links", "1.5"], "--broken-links: expected"),
     (
         ["eval", "--broken-links", "nan"],
-        "no channel is called 'nan'; known: all, half, links, none",
+        "no channel is called 'nan'; known: all, bursts, constant",
     ),
     (["eval", "--broken-links", "130%"], "--broken-links: expected"),
     (["eval", "--broken-links", "%"], "--broken-links: expected"),

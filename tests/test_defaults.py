@@ -146,6 +146,7 @@ def test_length_and_games_are_the_decided_ones() -> None:
         "games": 8,  # ours
         "log_every_env_steps": 5_000,  # ours
         "checkpoint_every_env_steps": 100_000,  # ours; changes no result
+        "channel": "links:0",  # everything arrives in training
     }
     assert Profile(seeds=7).evaluation_episodes == 1_000  # l. 419
 

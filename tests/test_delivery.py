@@ -143,7 +143,7 @@ def test_the_kernel_hears_what_the_page_hears(
 def test_scales_are_what_they_are_called() -> None:
     """Trained: 1 - rate; one: 1; delivered: 1 - rate times all over those who arrived."""
     trained = torch.tensor([1.0, 0.75, 0.75, 0.75, 0.75]).view(1, 1, 5, 1).expand(5, -1, -1, -1)
-    links = torch.arange(4).expand(1, 1, 5, 4)
+    links = torch.arange(4).expand(5, 4)
     keep = torch.tensor([[1.0, 0, 0, 1]]).expand(1, 1, 5, 4).clone()
     keep[0, 0, 4] = 0
     expected = {"trained": 0.75, "one": 1.0, "delivered": 1.5}

@@ -31,7 +31,7 @@ WRONG: list[Any] = [
 def quick(monkeypatch: pytest.MonkeyPatch) -> None:
     """Figures that are laid out and not painted, and reference policies that play once."""
     monkeypatch.setattr(play_references, "EPISODES", 1)
-    monkeypatch.setattr(figures, "_png", lambda figure: b"")
+    monkeypatch.setattr(figures, "png", lambda figure: b"")
 
 
 @pytest.fixture

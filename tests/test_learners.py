@@ -26,7 +26,7 @@ CASES = [
     for learner, module in LEARNERS.items()
     for name in module.NAMED
     for environment, sized in KNOWN.paper
-    if sized == learner
+    if sized == learner and environment in registry.settings()
 ]
 GAMES = 3
 

@@ -124,7 +124,7 @@ def test_epsilon_follows_the_env_steps_before_the_action(monkeypatch: pytest.Mon
     found: list[int] = []
     act = training.learner.act
 
-    def record(obs: Tensor, uniforms: Tensor, env_steps: int) -> Tensor:
+    def record(obs: Tensor, uniforms: Tensor, env_steps: int, received: Any) -> Tensor:
         found.append(env_steps)
         return act(obs, uniforms, env_steps)
 

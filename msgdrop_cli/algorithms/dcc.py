@@ -132,8 +132,8 @@ class DCC:
         self._parts = {"online": self.online, "target": self.target, **self.adam.moments}
         hears = network.hears
         self.shown_agents = cohort.shown_agents(heard(config, env.agents), device)
-        self._links = links = cohort.links_heard(self.shown_agents)[None, None]  # [1, 1, N, S]
-        self._shown_received = cohort.shown_received(links[0, 0])
+        self._links = cohort.links_heard(self.shown_agents)  # [N, S]
+        self._shown_received = cohort.shown_received(self._links)
         self.rate = torch.tensor([c.rate for c in configs], device=device)  # [R]
         scale = execution_scale(self.rate, hears, drops_own=config.drops_own)
         self.scale = scale.repeat_interleave(self._agents, 0)[:, None]  # [G, 1, 1+S, 1]
@@ -259,7 +259,7 @@ class DCC:
     def update(self, minibatch: Minibatch, uniforms: Tensor) -> None:
         """Update every agent once, on its own minibatch; uniforms [R, update_uniforms]."""
         keep = self.binary_mask(uniforms)
-        by = InputFactors(keep, keep, self.scale).arriving(minibatch, self._links[0, 0])
+        by = InputFactors(keep, keep, self.scale).arriving(minibatch, self._links)
         self._means.add(*self._computes.minimise(minibatch, by, self.updates + 1))
         if self.does_more(self.updates):
             self.target.flat.copy_(self.online.flat)

@@ -86,29 +86,28 @@ class Channel:
         if text in NAMED:
             text, *own = _parts(NAMED[text])
             receiver = [*own, *receiver]
-        kind, settings = cls._read_kind(text, value)
-        if kind == LINKS and not (len(settings) == 1 and 0 <= settings[0] <= 1):
-            raise ValueError(f"{_EXPECTED}, not {shown(value)}")
-        found: dict[str, str] = {}
-        for each in receiver:
-            scales, _, scale = each.partition(":")
-            name, said = ("scale", scale) if scales == "scale" else ("missing", each)
-            if name in found:
-                raise ValueError(f"{shown(value)} says twice what a receiver does")
-            found[name] = said
-        return cls(kind, settings, **found)
+        try:
+            kind, settings = cls._read_kind(text, value)
+            found: dict[str, str] = {}
+            for each in receiver:
+                scales, _, scale = each.partition(":")
+                name, said = ("scale", scale) if scales == "scale" else ("missing", each)
+                if name in found:
+                    raise ValueError("says twice what a receiver does")
+                found[name] = said
+            return cls(kind, settings, **found)
+        except ValueError as error:
+            more = f" ({error})" if receiver else ""
+            raise ValueError(f"{_EXPECTED}, not {shown(value)}{more}") from error
 
     @staticmethod
     def _read_kind(text: str, value: object) -> tuple[str, tuple[float, ...]]:
         if text in WORDS:
             return LINKS, (WORDS[text],)
         kind, colon, settings = text.partition(":")
-        try:
-            if not isinstance(value, str) or not (colon or text[:1].isalpha()):
-                return LINKS, (number(text),)
-            return kind, tuple(map(number, settings.split(","))) if colon else ()
-        except ValueError as error:
-            raise ValueError(f"{_EXPECTED}, not {shown(value)}") from error
+        if not isinstance(value, str) or not (colon or text[:1].isalpha()):
+            return LINKS, (number(text),)
+        return kind, tuple(map(number, settings.split(","))) if colon else ()
 
     @property
     def key(self) -> str:

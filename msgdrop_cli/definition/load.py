@@ -42,7 +42,7 @@ class ClaimTable:
     """The variant that wins, or several, each of which does, e.g. `["md-0.2"]`."""
     worse: str | tuple[str, ...] = ()
     """The variant that loses, or several, e.g. `"dcc"`."""
-    order: str | None = None
+    order: str | None = field(default=None, metadata={"instead": True})
     """Instead of both a chain, each better than the next, e.g. `"fdc > md-0.2 > dcc"`."""
     environment: str | tuple[str, ...]
     """In which game, or in which ones, e.g. `"pursuit-n6"`."""

@@ -124,15 +124,18 @@ class Registration:
     """What decides the claims of a question, settled before their runs are looked at."""
 
     looks: tuple[int, ...]
-    """Numbers of seeds, each of them seeds 1 to n, at which there is a verdict."""
+    """Numbers of seeds, each of them seeds 1 to n, at which there is a verdict, e.g. `[6, 10]`."""
     alpha_spent: tuple[float, ...]
-    """Of all studies of wrong claims the share that may have decided one, by each of the looks."""
+    """Of all studies of wrong claims the share that may have decided one, by each of the looks,
+    e.g. `[0.015, 0.05]`."""
     sides: Literal[1, 2] = 2
-    """2: a claim may be contradicted; 1: it may not."""
+    """2: a claim may be contradicted; 1: it may not, e.g. `2`."""
     margin: Mapping[str, float] = field(default_factory=dict)
-    """By metric: a difference that is surely smaller is called level."""
+    """By metric: a difference that is surely smaller is called level, e.g.
+    `{ catches_per_500 = 1.0 }`."""
     seen: int = 0
-    """Seeds that had been looked at before this was registered; the alpha of that look is spent."""
+    """Seeds that had been looked at before this was registered; the alpha of that look is spent,
+    e.g. `0`."""
 
     def __post_init__(self) -> None:
         increasing = all(0 < a < b for a, b in pairwise((1, *self.looks)))

@@ -107,13 +107,13 @@ class DCCKernel:
         Returns the losses [G, B] and Q of the online networks [G, 2B, A], kept until the next call.
         """
         size = self._loss.shape[1]
-        each = [factor.expand(-1, size, -1, -1) for factor in factors]
-        assert all(factor.shape[:3] == (*self._loss.shape, self._shown.shape[1]) for factor in each)
+        blocks = self._shown.shape[1]
+        assert all(each.shape[1] in (1, size) and each.shape[2] == blocks for each in factors)
         self._functions.dcc_update(
             byref(self._net),
             byref(self._parameters),
             byref(_memory(minibatch)),
-            (Factors * 3)(*map(_factors, each)),
+            (Factors * 3)(*map(_factors, factors)),
             byref(DCCRule(self._gamma, self._huber, adam(self._learning_rate, step), size)),
             self._buffers(2 * size),
             byref(self._outcome),
@@ -157,9 +157,10 @@ class DCCKernel:
 
 
 def _factors(factor: Tensor) -> Structure:
-    """The last stride is 0 where a whole block has one factor."""
+    """The stride of rows is 0 where all have the same, the last where a whole block has one."""
     assert factor.shape[-1] == 1 or factor.stride(-1) == 1
-    strides = (*factor.stride()[:3], int(factor.shape[-1] > 1))
+    network, row, block, _ = factor.stride()
+    strides = (network, row if factor.shape[1] > 1 else 0, block, int(factor.shape[-1] > 1))
     return Factors(factor.data_ptr(), *strides)
 
 

@@ -21,7 +21,7 @@ class Received(NamedTuple):
     def factors(self, trained: Tensor, links: Tensor) -> Tensor:
         """The factors of all blocks, [G, E, 1+S, 1]; trained [G, 1, 1+S, 1], those of Q_exec.
 
-        links: [1, 1, N, S], where those who are heard stand among all others.
+        links: [N, S], where those who are heard stand among all others.
         """
         runs, games = self.keep.shape[:2]
         arrives = self.keep.gather(-1, links.expand(runs, games, -1, -1))

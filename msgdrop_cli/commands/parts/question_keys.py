@@ -37,6 +37,8 @@ class Key(NamedTuple):
     is_table: bool
     needed: bool
     """Whether its table is no table without it."""
+    instead: bool
+    """Whether it stands in place of others, never beside them."""
 
     @property
     def paths(self) -> tuple[str, ...]:
@@ -60,6 +62,7 @@ def question_keys(cls: type[Any] = QuestionFile, table: str = "") -> Iterator[Ke
             example=example[1] if example else "",
             is_table=inner is not None,
             needed=field.default is MISSING and field.default_factory is MISSING,
+            instead=field.metadata.get("instead", False),
         )
         if inner is None:
             yield key
@@ -75,7 +78,7 @@ def question_file(keys: Sequence[Key]) -> str:
     lines = [*_HEAD]
     needless = {key.names[0] for key in keys if key.is_table and not key.needed}
     for key in keys:
-        mark = "" if key.needed and key.table not in needless else "#"
+        mark = "" if key.needed and key.table not in needless else "# " if key.instead else "#"
         text = f"{key.names[0]} = {key.example}"
         lines += ["", *(f"# {line}" for line in textwrap.wrap(key.meaning, _WIDTH))]
         lines.append(mark + (key.example if key.is_table else text))
