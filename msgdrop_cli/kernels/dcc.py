@@ -129,8 +129,9 @@ class DCCKernel:
         i's own and its messages.
         """
         rows, blocks = obs.shape[1], (obs if messages is None else messages).shape[2]
-        # Where only messages are old ones, there are more of them than of observations.
-        obs = pad(obs.to(self._dtype), (0, 0, 0, blocks - obs.shape[2])).contiguous()
+        obs = obs.to(self._dtype).contiguous()
+        if blocks > obs.shape[2]:  # only messages are old ones, so there are more of them
+            obs = pad(obs, (0, 0, 0, blocks - obs.shape[2]))
         q = torch.empty(self._q.shape[0], rows, self._q.shape[2])
         memory = DCCMemory(obs=pointer(obs), shown=pointer(shown))
         if messages is not None:
