@@ -11,7 +11,7 @@ from msgdrop_cli.commands.parts import sources, vocabulary
 from msgdrop_cli.commands.parts.question_keys import Key, question_file, question_keys
 from msgdrop_cli.commands.parts.sources import Module, notation
 from msgdrop_cli.commands.parts.vocabulary import Section
-from msgdrop_cli.definition.channel import LINKS, WORDS, Channel
+from msgdrop_cli.definition.channel import LINKS, NAMED, WORDS, Channel
 from msgdrop_cli.definition.load import list_definitions, load_definition
 from msgdrop_cli.definition.shipped import PAPER, shipped_file
 
@@ -133,6 +133,8 @@ def _channels() -> Iterator[Topic]:
         yield Topic(
             "channel", (word,), f"--channel {channel.key}", f"{channel.label}.".capitalize()
         )
+    for name, key in NAMED.items():
+        yield Topic("channel", (name,), f"--channel {key}", "A channel with a name of its own.")
 
 
 def _topology(module: Module) -> Topic:
