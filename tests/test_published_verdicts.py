@@ -42,9 +42,9 @@ def verdicts(folder: str, measure: str) -> list[Verdict]:
     return judge_claims(claims, summary, definition)
 
 
-@pytest.mark.parametrize("folder", [name for name in STUDIES if "two-million" not in name])
+@pytest.mark.parametrize("folder", ["navigation-half-million", "waterworld-half-million"])
 def test_nothing_is_decided_yet(folder: str) -> None:
-    """Six seeds reach no p that the registration would take, and two reach none at all."""
+    """Two seeds reach no p that the registration would take."""
     found = verdicts(folder, "evaluation") + verdicts(folder, "learning")
     assert {verdict.verdict for verdict in found} <= {"undecided", "not run"}
     assert all("registered look at" in each.reason for each in found if each.seeds)
@@ -77,20 +77,20 @@ def test_whole_messages_beat_elements_after_training_only() -> None:
     assert [each.verdict for each in learning] == ["undecided"] * 3
 
 
-@pytest.mark.parametrize(("measure", "below"), [("learning", 4), ("evaluation", 0)])
-def test_navigation_in_training_and_after(measure: str, below: int) -> None:
-    """In training all six seeds agree in all four comparisons, after it in none."""
-    found = verdicts("navigation-million-nearest", measure)
-    assert all(each.difference is not None and each.difference > 0.0 for each in found)
-    assert sum(each.evidence.p <= 0.05 for each in found if each.evidence) == below
+def test_navigation_in_training_and_after() -> None:
+    """In training seven of eight comparisons are the paper's and one is not; after it none is."""
+    learning = verdicts("navigation-million-nearest", "learning")
+    assert Counter(each.verdict for each in learning) == {"supported": 7, "contradicted": 1}
+    [other] = [each.claim for each in learning if each.verdict == "contradicted"]
+    assert (other.environment, other.better, other.worse) == ("navigation-n10", "md-0.5", "dcc")
+    after = verdicts("navigation-million-nearest", "evaluation")
+    assert [each.verdict for each in after] == ["undecided"] * 8
 
 
 def test_published_runs_are_from_before_there_was_a_registration() -> None:
     """They read as before, and the verdict says so."""
     records = list_runs(PUBLISHED)
     assert {record.registration for record in records} == {None}
-    for verdict in verdicts("navigation-million-nearest", "evaluation"):
-        assert "looked at before it was registered, so that alpha is gone" in verdict.reason
     for verdict in verdicts("broken-links-two-million", "evaluation"):
         assert "20 of the runs are from before broken-links:" in verdict.reason
 
@@ -111,7 +111,7 @@ def test_the_table_of_what_was_judged_again_is_what_comes_out() -> None:
         )
         for each in verdicts(folder, measure)
     ]
-    assert len(typed) == len(found) == 20
+    assert len(typed) == len(found) == 28
     for (difference, *ps), (mean, low, high, evidence) in zip(typed, found, strict=True):
         numbers = [float(number) for number in re.findall(r"-?[\d.]+", difference)]
         assert numbers == pytest.approx([mean, low, high], abs=0.0501)
