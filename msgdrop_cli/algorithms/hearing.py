@@ -44,7 +44,7 @@ def said(config: Config) -> str:
 def encoding_of(
     config: Config, observation: int, runs: int, device: torch.device | str
 ) -> "Encoding":
-    """What is heard in a cohort of so many runs, about so many numbers."""
+    """The Encoding of a cohort's messages, about observations of so many numbers."""
     samples = config.encoder_samples
     return Encoding(said(config), observation, runs, device, samples=samples)
 

@@ -1,4 +1,4 @@
-"""Broken links at execution (paper l. 519-541): both directions of a link break together."""
+"""Broken links (at execution: paper l. 519-541): both directions of a link break together."""
 
 from dataclasses import dataclass
 from itertools import combinations
@@ -26,7 +26,7 @@ class Links(Kind):
         """Break the links of every game.
 
         uniforms: [..., L + 1] for L links; 7.5 of 15 links are 7 or 8 with probability 1/2 each
-        (paper-facts 6.3). Returns the ages of the whole episode, [..., N, S] uint8.
+        (PAPER.md). Returns the ages of the whole episode, [..., N, S] uint8.
         Raises ValueError if the shape does not fit.
         """
         return broken_links(uniforms, self.share, agents)

@@ -10,7 +10,7 @@ from msgdrop_cli.channels import Arriving, Kind, Scene, by_message, check_share,
 
 @dataclass(frozen=True, slots=True)
 class Loss(Kind):
-    """What message-dropout does in training, but at execution."""
+    """What message-dropout does to what is learnt from, done to what agents act by."""
 
     example: ClassVar[tuple[float, ...]] = (0.2,)
     rate: float

@@ -15,7 +15,7 @@ from msgdrop_cli.errors import nearest
 
 SECTIONS = ("algorithm", "environment", "training")
 _EVERY, _ONE = "algorithm.gamma=0.9", "variants.NAME.algorithm.rate=0.3"
-_BARE_WORD = re.compile(r"[A-Za-z][A-Za-z0-9._-]*")
+_BARE_WORD = re.compile(r"[A-Za-z][A-Za-z0-9._:,+-]*")
 _KEY = re.compile(r"[A-Za-z0-9_-]+")
 _MOST_NAMES = 4
 """More variants are not listed in one line."""

@@ -36,7 +36,7 @@ class TrainingSpec:
     """How long a run trains and how many games feed it. Cosmetic fields do not enter the run id."""
 
     train_env_steps: int = 5_000_000
-    """Environment steps of the whole run, all parallel games counted (ours; paper-facts 6.1)."""
+    """Environment steps of the whole run, all parallel games counted (ours, PAPER.md)."""
     games: int = 8
     """Parallel games that fill one replay memory; updates per env step stay the paper's (ours)."""
     log_every_env_steps: int = 5_000

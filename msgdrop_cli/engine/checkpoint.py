@@ -259,7 +259,7 @@ def restore(training: Training, run: int, checkpoint: Checkpoint) -> bool:
     seen, before = training.env.observe(training.games.state)[run], training.games.obs[run]
     is_exact = bool((seen == before).all())
     before.copy_(seen)
-    replay.put(run, before, training.losses.arrives[run] if training.losses else None)
+    replay.put(run, before, training.lost.arrives[run] if training.lost else None)
     return is_exact
 
 
@@ -271,9 +271,9 @@ def state_of(training: Training, run: int) -> dict[str, Tensor]:
         state[f"state.{field.name}"] = getattr(games.state, field.name)[run]
     state["elapsed"], state["obs"] = games.elapsed[run], games.obs[run]
     state["sums"] = training.sums[:, run]
-    if training.losses:
-        state["losses.state"] = training.losses.state[run]
-        state["losses.arrives"] = training.losses.arrives[run]
+    if training.lost:
+        state["lost.state"] = training.lost.state[run]
+        state["lost.arrives"] = training.lost.arrives[run]
     return state | training.replay.cut_episodes(run)
 
 

@@ -80,7 +80,7 @@ class Chunks:
         training = self._training
         starts = training.learner.config.replay_start_env_steps
         # What a channel remembers changes its place at every step, which no recording knows.
-        recorder = None if training.losses else self._recorder
+        recorder = None if training.lost else self._recorder
         if recorder is None or most < self._steps or training.env_steps < starts:
             training.advance()
             return

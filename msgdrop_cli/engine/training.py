@@ -10,9 +10,8 @@ import torch
 from torch import Tensor
 
 from msgdrop_cli.algorithms.discovery import learner_class
-from msgdrop_cli.definition.channel import NONE_BROKEN, Channel
 from msgdrop_cli.definition.spec import RunSpec
-from msgdrop_cli.engine.losses import losses_of
+from msgdrop_cli.engine.lost_messages import lost_messages_of
 from msgdrop_cli.engine.randomness import Streams
 from msgdrop_cli.engine.replay import Replay
 from msgdrop_cli.errors import DefinitionError
@@ -31,6 +30,10 @@ class Training:
         self.env = registry.make(spec.environment_config, device)
         make = learner_class(spec.algorithm)
         self.learner = make([s.algorithm_config for s in specs], self.env, device)
+        self.lost = lost_messages_of(spec.training.channel, self.env, self.streams, self.games_each)
+        """What a channel loses in training; None if there is none."""
+        if self.lost and not make.listens:
+            raise DefinitionError("training.channel: these agents hear nobody when they act")
         self.replay = Replay(
             runs=self.runs,
             games=self.games_each,
@@ -41,13 +44,9 @@ class Training:
             time_limit=self.env.time_limit,
             action_size=self.env.action_size,
             encoding=self.learner.encoding,
-            loses=Channel.read(spec.training.channel) != NONE_BROKEN,
+            loses=self.lost is not None,
             device=device,
         )
-        self.losses = losses_of(spec.training.channel, self.env, self.streams, self.games_each)
-        """What a channel loses in training; None if there is none."""
-        if self.losses and not make.listens:
-            raise DefinitionError("training.channel: these agents hear nobody when they act")
         self.env_steps = 0
         self.sums = torch.zeros(len(self.env.counts) + 3, self.runs, device=device)
         """Since the last log: counts, then finished, episodes and return, [counts + 3, R]."""
@@ -65,9 +64,9 @@ class Training:
         spread = torch.arange(self.games_each, device=uniforms.device)
         elapsed = spread * self.env.time_limit // self.games_each
         self.games = autoreset.start(self.env, uniforms, elapsed.repeat(self.runs, 1))
-        if self.losses:
-            self.losses.begin(self.games)
-        self.replay.begin(self.games.obs, self.losses.arrives if self.losses else None)
+        if self.lost:
+            self.lost.begin(self.games)
+        self.replay.begin(self.games.obs, self.lost.arrives if self.lost else None)
 
     def advance(self) -> None:
         """One step of every game, and the updates that are due."""
@@ -82,7 +81,7 @@ class Training:
         uniforms = self.streams.uniforms("explore", *shape)
         clock = self.replay.clock
         now = self.env_steps if clock is None else (clock * self.games_each).double()
-        received = self.losses.received if self.losses else None
+        received = self.lost.received if self.lost else None
         return self.learner.act(self.games.obs, uniforms, now, received)
 
     def play(self, actions: Tensor) -> None:
@@ -92,9 +91,9 @@ class Training:
         step, reset = uniforms.split([env.step_uniforms, env.reset_uniforms], -1)
         before, transition = autoreset.play(env, self.games, actions, step)
         self.games = autoreset.restart(env, before, transition, reset)
-        if self.losses:
-            last = self.losses.advance(before, self.games, transition.ended)
-            self.replay.add(actions, transition, self.games.obs, self.losses.arrives, last)
+        if self.lost:
+            last = self.lost.advance(before, self.games, transition.ended)
+            self.replay.add(actions, transition, self.games.obs, self.lost.arrives, last)
         else:
             self.replay.add(actions, transition, self.games.obs)
         self.env_steps += each

@@ -44,7 +44,7 @@ class Tiled(Streams):
         self._groups = groups
 
     def uniforms(self, name: str, *shape: int) -> Tensor:
-        """[1, episodes, ...]: the first group's, again and again."""
+        """[1, episodes, ...] of the stream `worst`, whatever is asked for: the same for all."""
         numbers = super().uniforms("worst", shape[0] // self._groups, *shape[1:])
         return numbers.repeat(1, self._groups, *[1] * (numbers.dim() - 2))
 

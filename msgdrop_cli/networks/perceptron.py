@@ -6,17 +6,17 @@ from msgdrop_cli.networks.stacked import Layers, Stacked, dense
 
 
 class Perceptron:
-    """inputs-64-48-32-5 in pursuit (FDC l. 750; Concat-MD takes FDC's widths, paper-facts 6.1)."""
+    """inputs-64-48-32-5 in pursuit (FDC l. 750; Concat-MD takes FDC's widths, PAPER.md)."""
 
-    def __init__(self, inputs: int, hears: int, units: tuple[int, ...], actions: int) -> None:
+    def __init__(self, inputs: int, hears: int, units: tuple[int, ...], outputs: int) -> None:
         self.hears = hears
-        widths = (inputs, *units, actions)
+        widths = (inputs, *units, outputs)
         self.layers: Layers = {
             f"layer{n}": (widths[n - 1], widths[n]) for n in range(1, len(widths))
         }
 
     def forward(self, weights: Stacked, inputs: Tensor) -> Tensor:
-        """Q [G, B, A] of inputs [G, B, inputs]."""
+        """Q, or an actor's numbers, [G, B, outputs] of inputs [G, B, inputs]."""
         *hidden, last = self.layers
         for name in hidden:
             inputs = dense(weights[name], inputs).relu()

@@ -73,7 +73,7 @@ def run_sizes(run: PlannedRun, episodes: int) -> Sizes:
         memory = held(env, learner, replay) + 4 * _HELD_COPIES * parameters
     seen = env.observation_size * env.observation_dtype.itemsize
     said = 4 * learner.encoding.width if learner.encoding.apart else 0
-    said += env.agents - 1 if built.losses else 0  # what arrives of the others' messages
+    said += env.agents - 1 if built.lost else 0  # what arrives of the others' messages
     a_step = env.agents * (seen + said + 8 + 4 * env.action_size) + 8
     whole = a_step * config.replay_capacity
     stored = _REPLAYS * whole + KEPT * min(whole, SEGMENT_BYTES)

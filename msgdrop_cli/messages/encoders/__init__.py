@@ -1,7 +1,7 @@
 """What agents say of what they see, one file an encoder: its name in definitions is its file's.
 
 An encoder is fixed before training begins, the same for all agents of a run. What it has learnt, if
-anything, is held apart, as the weights of networks are: see `algorithms/encoding.py`.
+anything, is held apart, as the weights of networks are: see `algorithms/hearing.py`.
 Letters: `R` runs, `O` observation, `M` one message.
 """
 

@@ -16,7 +16,7 @@ from msgdrop_envs.autoreset import Games
 from msgdrop_envs.protocol import Environment
 
 
-class Losses:
+class LostMessages:
     """Which messages arrive in the games that are trained in."""
 
     def __init__(self, channel: Channel, env: Environment, streams: Streams, games: int) -> None:
@@ -60,7 +60,9 @@ class Losses:
         return (found.age != LOST).to(torch.uint8), found.state
 
 
-def losses_of(text: str, env: Environment, streams: Streams, games: int) -> Losses | None:
+def lost_messages_of(
+    text: str, env: Environment, streams: Streams, games: int
+) -> LostMessages | None:
     """What is lost in training through the channel that is called so; None if nothing is.
 
     Raises DefinitionError for a channel that training cannot go through.
@@ -73,12 +75,11 @@ def losses_of(text: str, env: Environment, streams: Streams, games: int) -> Loss
     only_loses = kind.oldest == 0 and not kind.message_uniforms(size) and not kind.links_to_find
     if not (only_loses and kind.whole and channel.plain):
         raise DefinitionError(
-            f"training.channel: {channel.key} does more than lose messages; training goes through"
-            " links, links-step, loss, bursts, one-way, silent, within, nearest and distance only"
+            f"training.channel: {channel.key} does more than lose messages, which is for eval"
         )
     if kind.needs_positions and not hasattr(env, "places"):
         raise DefinitionError("training.channel: this game does not say where its agents are")
-    return Losses(channel, env, streams, games)
+    return LostMessages(channel, env, streams, games)
 
 
 def _chosen(choose: Tensor, yes: Tensor, no: Tensor) -> Tensor:

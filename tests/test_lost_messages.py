@@ -15,6 +15,7 @@ from msgdrop_cli.engine.training import Training
 from msgdrop_cli.errors import DefinitionError
 from msgdrop_cli.records.store import POLICY
 from msgdrop_envs import autoreset
+from tests.cli_runs import msgdrop
 from tests.dcc_samples import use_kernel
 from tests.runs import StopAt, planned
 
@@ -49,8 +50,8 @@ def test_what_arrives_is_stored_where_it_was_seen(channel: str) -> None:
     training.begin()
     acted = []
     for _ in range(30):
-        assert training.losses is not None
-        acted.append(training.losses.arrives.clone())
+        assert training.lost is not None
+        acted.append(training.lost.arrives.clone())
         training.advance()
     replay, games = training.replay, training.games_each
     assert replay.arrives is not None
@@ -69,13 +70,13 @@ def test_what_arrives_is_stored_where_it_was_seen(channel: str) -> None:
 def test_nearest_are_the_nearest() -> None:
     """Of the games as they stand."""
     training = trained(through("nearest:2"), 20)
-    assert training.losses is not None
+    assert training.lost is not None
     where = training.env.places(training.games.state)[0]  # type: ignore[attr-defined]
     apart = (where[:, others(6)] - where[:, :, None]).norm(dim=-1)  # [E, N, S]
     for game in range(training.games_each):
         for agent in range(6):
             ranked = sorted((apart[game, agent, slot].item(), slot) for slot in range(5))
-            heard = [s for s in range(5) if training.losses.arrives[0, game, agent, s]]
+            heard = [s for s in range(5) if training.lost.arrives[0, game, agent, s]]
             assert heard == sorted(slot for _, slot in ranked[:2])
 
 
@@ -111,10 +112,10 @@ def test_agents_act_by_what_arrives() -> None:
     differ = 0
     training = trained(through("loss:0.5", epsilon_start=0.0, epsilon_final=0.0), 30)
     for _ in range(20):
-        assert training.losses is not None
+        assert training.lost is not None
         obs, learner = training.games.obs, training.learner
         actions = training.act()
-        assert torch.equal(actions, learner.act_greedily(obs, training.losses.received))
+        assert torch.equal(actions, learner.act_greedily(obs, training.lost.received))
         differ += int((actions != learner.act_greedily(obs)).sum())
         training.play(actions)
     assert differ > 0
@@ -216,3 +217,11 @@ def test_play_and_restart_are_a_step() -> None:
         games = autoreset.restart(env, before, transition, numbers[1])
         assert torch.equal(games.obs, whole.obs)
         assert torch.equal(transition.reward, seen.reward)
+
+
+def test_the_channel_of_training_is_typed_like_any_setting(tmp_path: Path) -> None:
+    """Without quotes, as docs/channels.md says."""
+    asked = ("train", "--algorithm", "dcc-md", "--env", "pursuit-n6", "--dry-run", "--json")
+    for channel in ("nearest:2", "loss:0.2", "bursts:0.2,4"):
+        said = msgdrop(*asked, "--results", tmp_path, "--set", f"training.channel={channel}")
+        assert said.code == 0, said.err
