@@ -146,7 +146,54 @@ class DCC:
         self.updates, self._means = 0, cohort.RunningMeans(self._runs, device)
         self._computes = self._computed_by(env, device)
 
-    # The rule, as the paper writes it.
+    # Algorithm 1, as the paper writes it.
+
+    def initialise(self, uniforms: Tensor) -> None:
+        """Initialise theta and theta-minus alike (algorithm 1); uniforms [R, init_uniforms]."""
+        initialise(self.online, uniforms)
+        self.target.flat.copy_(self.online.flat)
+
+    def epsilon(self, env_steps: float | Tensor) -> float | Tensor:
+        """The share of random actions after `env_steps` (l. 753)."""
+        c, over = self.config, self.config.epsilon_anneal_env_steps
+        return annealed_epsilon(env_steps, c.epsilon_start, c.epsilon_final, over)
+
+    def act(
+        self, obs: Tensor, uniforms: Tensor, env_steps: int | Tensor, received: Heard = None
+    ) -> Tensor:
+        """With probability epsilon a random action, otherwise the policy's (l. 201-203).
+
+        obs: [R, E, N, O]; uniforms: [R, E, N, 2]. Returns [R, E, N] int64.
+        """
+        return epsilon_greedy(self.q_exec(obs, received), uniforms, self.epsilon(env_steps))
+
+    def act_greedily(self, obs: Tensor, received: Heard = None) -> Tensor:
+        """The policy pi: argmax of Q_exec (label eq:policy), [R, E, N]; obs [R, E, N, O]."""
+        return self.q_exec(obs, received).argmax(-1)
+
+    def q_exec(self, obs: Tensor, received: Heard = None) -> Tensor:
+        """Q_exec of the online networks: all messages, scaled by 1 - rate (l. 248): [R, E, N, A].
+
+        obs: [R, E, N, O]; received: what arrives, None if it is everything; nothing is 0 (l. 525).
+        """
+        (runs, games), shown, computes = obs.shape[:2], self.shown_agents, self._computes
+        factor, old = self.scale.expand(-1, games, -1, -1), None
+        if received is not None:
+            factor, old = received.factors(self.scale, self._links), received.messages
+        if old is not None:
+            shown = self._shown_received
+            computes = self if self.encoding.turned_to_numbers(obs, old) else computes
+        q = computes.q_values(*self.encoding.with_messages(obs, old), factor, shown)  # [G, E, A]
+        return q.view(runs, self._agents, games, -1).transpose(1, 2)
+
+    def update(self, minibatch: Minibatch, uniforms: Tensor) -> None:
+        """Update every agent once, on its own minibatch; uniforms [R, update_uniforms]."""
+        keep = self.binary_mask(uniforms)
+        factors = InputFactors(keep, keep, self.scale).arriving(minibatch, self._links)
+        self._means.add(*self._computes.minimise(minibatch, factors, self.updates + 1))
+        if self.does_more(self.updates):
+            self.target.flat.copy_(self.online.flat)
+        self.updates += 1
 
     def binary_mask(self, uniforms: Tensor) -> Tensor:
         """Generate b, which drops each message with probability `rate` (l. 217, 235-241).
@@ -217,53 +264,6 @@ class DCC:
         apart = said(config) != OBSERVATION
         known = cls is DCC and serves(network.layers, *inputs, apart, clips=clips, device=device)
         return NAME if known else cohort.TORCH
-
-    def initialise(self, uniforms: Tensor) -> None:
-        """Initialise theta and theta-minus alike (algorithm 1); uniforms [R, init_uniforms]."""
-        initialise(self.online, uniforms)
-        self.target.flat.copy_(self.online.flat)
-
-    def epsilon(self, env_steps: float | Tensor) -> float | Tensor:
-        """The share of random actions after `env_steps` (l. 753)."""
-        c, over = self.config, self.config.epsilon_anneal_env_steps
-        return annealed_epsilon(env_steps, c.epsilon_start, c.epsilon_final, over)
-
-    def act(
-        self, obs: Tensor, uniforms: Tensor, env_steps: int | Tensor, received: Heard = None
-    ) -> Tensor:
-        """With probability epsilon a random action, otherwise the policy's (l. 201-203).
-
-        obs: [R, E, N, O]; uniforms: [R, E, N, 2]. Returns [R, E, N] int64.
-        """
-        return epsilon_greedy(self.q_exec(obs, received), uniforms, self.epsilon(env_steps))
-
-    def act_greedily(self, obs: Tensor, received: Heard = None) -> Tensor:
-        """The policy pi: argmax of Q_exec (label eq:policy), [R, E, N]; obs [R, E, N, O]."""
-        return self.q_exec(obs, received).argmax(-1)
-
-    def q_exec(self, obs: Tensor, received: Heard = None) -> Tensor:
-        """Q_exec of the online networks: all messages, scaled by 1 - rate (l. 248): [R, E, N, A].
-
-        obs: [R, E, N, O]; received: what arrives, None if it is everything; nothing is 0 (l. 525).
-        """
-        (runs, games), shown, computes = obs.shape[:2], self.shown_agents, self._computes
-        factor, old = self.scale.expand(-1, games, -1, -1), None
-        if received is not None:
-            factor, old = received.factors(self.scale, self._links), received.messages
-        if old is not None:
-            shown = self._shown_received
-            computes = self if self.encoding.turned_to_numbers(obs, old) else computes
-        q = computes.q_values(*self.encoding.with_messages(obs, old), factor, shown)  # [G, E, A]
-        return q.view(runs, self._agents, games, -1).transpose(1, 2)
-
-    def update(self, minibatch: Minibatch, uniforms: Tensor) -> None:
-        """Update every agent once, on its own minibatch; uniforms [R, update_uniforms]."""
-        keep = self.binary_mask(uniforms)
-        by = InputFactors(keep, keep, self.scale).arriving(minibatch, self._links)
-        self._means.add(*self._computes.minimise(minibatch, by, self.updates + 1))
-        if self.does_more(self.updates):
-            self.target.flat.copy_(self.online.flat)
-        self.updates += 1
 
     def does_more(self, update: int) -> bool:
         """Whether the target network is copied at the end of this update, counted from 0."""
