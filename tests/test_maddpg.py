@@ -223,7 +223,7 @@ def test_replay_gathers_joint_transitions_of_numbers() -> None:
         transition = Transition(last, then[..., 0], torch.ones(2, 2), ended, {})
         replay.add(seen(t).expand(-1, -1, -1, 2) / 10, transition, then)
     drawn = torch.tensor([[0, 5, 11, 7], [3, 3, 10, 4]])
-    batch = replay.gather(replay.rows(drawn), torch.arange(AGENTS)[:, None]).copied()
+    batch = replay.minibatch(replay.rows(drawn), torch.arange(AGENTS)[:, None]).copied()
     assert batch.obs.shape == (2, 8, AGENTS, 1)
     step, game = 3 + drawn // 2, drawn % 2  # the oldest of six steps is the fourth
     run = torch.arange(2)[:, None]

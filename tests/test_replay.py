@@ -95,7 +95,7 @@ class Pair:
     def everything(self) -> Batch:
         """Every transition that can be drawn, once for each agent, the oldest first."""
         drawn = torch.arange(len(self.replay)).expand(RUNS, AGENTS, -1)
-        return self.replay.gather(self.replay.rows(drawn), BLOCKS).copied()
+        return self.replay.minibatch(self.replay.rows(drawn), BLOCKS).copied()
 
     def expected(self, last: int) -> list[list[Remembered]]:
         """The lists' last steps of every game, in order of time, then of game, for each run."""
@@ -177,7 +177,7 @@ def test_agents_and_runs_draw_their_own_minibatches() -> None:
     for _ in range(50):
         pair.play()
     drawn = Streams([1, 2]).integers("replay", len(pair.replay), AGENTS, 16)
-    batch = pair.replay.gather(pair.replay.rows(drawn), BLOCKS).copied()
+    batch = pair.replay.minibatch(pair.replay.rows(drawn), BLOCKS).copied()
     steps = pair.expected(20)
     for run in range(RUNS):
         for agent in range(AGENTS):
@@ -192,7 +192,7 @@ def test_only_the_own_block_is_gathered_for_fdc() -> None:
     for _ in range(5):
         pair.play()
     rows = pair.replay.rows(torch.zeros(RUNS, AGENTS, 1, dtype=torch.int64))
-    batch = pair.replay.gather(rows, BLOCKS[:, :1]).copied()
+    batch = pair.replay.minibatch(rows, BLOCKS[:, :1]).copied()
     obs = batch.obs
     assert obs.shape == (RUNS * AGENTS, 2, 1, 2)
     assert obs[:, 0, 0, 1].tolist() == [0, 1, 2, 0, 1, 2]

@@ -92,13 +92,13 @@ def test_loop_is_act_step_store_then_sample_and_update(monkeypatch: pytest.Monke
     tape: list[str] = []
     watched = [
         *((training.learner, name) for name in ("act", "update")),
-        *((training.replay, name) for name in ("add", "gather")),
+        *((training.replay, name) for name in ("add", "minibatch")),
         (training.env, "step"),
     ]
     for owner, name in watched:
         monkeypatch.setattr(owner, name, _taped(tape, name, getattr(owner, name)))
     training.advance()
-    assert tape == ["act", "step", "add", "gather", "update", "gather", "update"]
+    assert tape == ["act", "step", "add", "minibatch", "update", "minibatch", "update"]
 
 
 @pytest.mark.parametrize(
@@ -162,7 +162,7 @@ def test_memory_holds_what_was_seen_done_and_paid(monkeypatch: pytest.MonkeyPatc
         elapsed = training.games.elapsed + 1
         training.play(actions)
         newest = torch.arange(len(replay) - 8, len(replay)).expand(2, 6, 8)
-        drawn = replay.gather(replay.rows(newest), training.learner.shown_agents)
+        drawn = replay.minibatch(replay.rows(newest), training.learner.shown_agents)
         batch = drawn.copied()
         own, after = batch.obs[:, :, 0].view(2, 6, 16, -1).split(8, 2)
         assert torch.equal(own.transpose(1, 2), before)

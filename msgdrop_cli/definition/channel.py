@@ -10,7 +10,7 @@ Which kinds exist is not known here: each is a file in `channels`, and whoever b
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
-from typing import Any
+from typing import Any, Literal, get_args
 
 from msgdrop_cli.definition.strict import number, shown
 from msgdrop_cli.errors import DefinitionError, nearest
@@ -27,7 +27,8 @@ NAMED = {
 }
 """Channels with a name. TMC (Zhang, Zhang, Lin: NeurIPS 2020) reports these three mean losses of
 802.11ac links; that they are bursts of three steps is ours."""
-SCALES = ("trained", "one", "delivered")
+Scale = Literal["trained", "one", "delivered"]
+SCALES: tuple[Scale, ...] = get_args(Scale)
 """Of messages at execution: 1 - rate as in the paper, 1, or more where fewer arrive."""
 _EXPECTED = "expected none, half, all, a share from 0 to 1 (0.3 or 30%) or kind:settings"
 _RECEIVER = "after + the receiver: mean, hold:STEPS, scale:one or scale:delivered"
@@ -44,7 +45,7 @@ class Channel:
     missing: str = "zero"
     """What stands in for a message that does not arrive: `zero` as in the paper (l. 525), `hold:3`,
     the last one for so many steps, or `mean`, of all that have arrived from that sender."""
-    scale: str = SCALES[0]
+    scale: Scale = SCALES[0]
 
     def __post_init__(self) -> None:
         if not _KIND.fullmatch(self.kind):
@@ -88,7 +89,7 @@ class Channel:
             receiver = [*own, *receiver]
         try:
             kind, settings = cls._read_kind(text, value)
-            found: dict[str, str] = {}
+            found: dict[str, Any] = {}
             for each in receiver:
                 scales, _, scale = each.partition(":")
                 name, said = ("scale", scale) if scales == "scale" else ("missing", each)

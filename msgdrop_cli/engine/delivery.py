@@ -85,13 +85,13 @@ class Delivery:
         altered = self._kind.message_uniforms(said.shape[-1]) > 0
         scale = self._channel.scale
         if plain and not altered and self._kind.oldest == 0:
-            return Received(keep, scale=scale)  # type: ignore[arg-type]
+            return Received(keep, scale=scale)
         messages = self._messages(said[0], found)
         if self._channel.missing != "zero":
             if self._filled is None:
                 self._filled = _Filled(self._channel.hold, messages)
             messages, keep = self._filled.fill(messages, found.age[0] != LOST)
-        return Received(keep, messages[None], scale)  # type: ignore[arg-type]
+        return Received(keep, messages[None], scale)
 
     def _messages(self, said: Tensor, found: Arriving) -> Tensor:
         """The messages themselves, [P, N, S, M]; anything where none arrives. said: [P, N, M]."""

@@ -129,7 +129,7 @@ class Replay:
         oldest = gone.clamp(min=0) if isinstance(gone, Tensor) else max(gone, 0)
         return (drawn + oldest * self.games) % (self.slots * self.games)
 
-    def gather(self, rows: Tensor, shown: Tensor) -> Minibatch:
+    def minibatch(self, rows: Tensor, shown: Tensor) -> Minibatch:
         """Minibatches that stay where they are.
 
         rows: [R, N, B], or [R, B] for all agents at once; shown: [N, 1+S], whom agent i is shown.

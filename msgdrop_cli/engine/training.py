@@ -108,7 +108,7 @@ class Training:
         size = self.learner.config.batch_size
         shape = (size,) if self.learner.joint else (self.env.agents, size)
         rows = self.replay.rows(self.streams.integers("replay", self.replay.held, *shape))
-        return self.replay.gather(rows, self.learner.shown_agents)
+        return self.replay.minibatch(rows, self.learner.shown_agents)
 
     def learn(self, minibatch: Minibatch) -> None:
         """Generate the binary mask and update every agent's network (l. 217-219)."""

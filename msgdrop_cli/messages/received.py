@@ -1,10 +1,10 @@
 """What has reached the agents of one step's messages: what a channel makes, and a learner hears."""
 
-from typing import Literal, NamedTuple
+from typing import NamedTuple
 
 from torch import Tensor
 
-Scale = Literal["trained", "one", "delivered"]
+from msgdrop_cli.definition.channel import Scale
 
 
 class Received(NamedTuple):
