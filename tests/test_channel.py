@@ -80,6 +80,7 @@ def test_broken_links_come_first() -> None:
     ("text", "message"),
     [
         ("los:0.2", "no channel is called 'los'; did you mean 'loss'?"),
+        ("constant:3", "channel constant:3: constant takes no settings"),
         ("haf", "no channel is called 'haf'; did you mean 'half'?"),
         ("loss", "channel loss: expected loss:RATE (loss:0.5)"),
         ("loss:1,2", "channel loss:1,2: expected loss:RATE (loss:0.5)"),

@@ -40,6 +40,8 @@ def by_definition(differences: Sequence[Sequence[float]], rule: Registration) ->
     def crosses_at(members: Sequence[int]) -> float:
         left, gone = list(patterns), 0.0
         for look in range(reached):
+            if rule.looks[look] <= rule.seen:  # nothing can be registered about it any more
+                continue
             if look and rule.looks[look - 1] <= rule.seen:
                 gone = max(gone, rule.alpha_spent[look - 1] * len(patterns))
             allowed = int(rule.alpha_spent[look] * len(patterns) - gone + 1e-9)

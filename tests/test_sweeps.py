@@ -31,7 +31,7 @@ LOSSES = ("loss:0", "loss:0.1", "loss:0.2", "loss:0.3")
 MEANS = ("delay:1+mean", "delay:2+mean", "delay:3+mean")
 NO_RANGES = (
     *("loss", "loss:0.5", "loss:0..1", "loss:1..0:3", "loss:0..1:1", "loss:0..1:1000"),
-    "bursts:0..1:3,0..1:3",
+    *("bursts:0..1:3,0..1:3", "delay:0..2:3e1", "loss:0..1:3%", "loss:0..1:2.5"),
 )
 
 
@@ -140,3 +140,10 @@ def test_each_link_has_its_worth(store: Store) -> None:
         assert len({tuple(link["agents"]) for link in each["links"]}) == 15
         assert costs == sorted(costs, reverse=True)
         assert (set(costs) == {0.0}) == (variant == "fdc")
+
+
+def test_a_small_range_keeps_its_settings() -> None:
+    """However small they are."""
+    found = Sweep.read("noise:0..1e-30:3", "--sweep")
+    assert found.values == (0.0, 5e-31, 1e-30)
+    assert len(set(found.channels)) == 3

@@ -99,6 +99,8 @@ def _level_at(pair: Pair, reached: int, rule: Registration, family: int) -> int 
     if margin is None:
         return None
     for number in range(reached):
+        if rule.looks[number] <= rule.seen:
+            continue
         values = pair.first[: rule.looks[number]]
         interval = flip_interval(values, rule.share(number) / family)
         if interval and -margin <= interval.low and interval.high <= margin:

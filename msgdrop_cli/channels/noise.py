@@ -1,6 +1,5 @@
 """Messages whose numbers arrive with noise on them."""
 
-import math
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -8,6 +7,9 @@ import torch
 from torch import Tensor
 
 from msgdrop_cli.channels import Arriving, Kind, Scene, nothing_lost
+
+_MOST = 1e6
+"""More would leave float32 behind."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,8 +24,8 @@ class Noise(Kind):
     """In the unit of the observation."""
 
     def __post_init__(self) -> None:
-        if not 0.0 <= self.deviation < math.inf:
-            raise ValueError(f"the deviation must not be negative, not {self.deviation:g}")
+        if not 0.0 <= self.deviation <= _MOST:
+            raise ValueError(f"the deviation must lie between 0 and 1e6, not {self.deviation:g}")
 
     def message_uniforms(self, size: int) -> int:
         """One for each number."""

@@ -194,6 +194,8 @@ def build_channel(channel: Channel, kinds: Mapping[str, type[Any]]) -> Any:
 
     Raises DefinitionError: an unknown kind, or settings that it does not take.
     """
+    if channel.kind in NAMED:
+        raise DefinitionError(f"channel {channel.key}: {channel.kind} takes no settings")
     if channel.kind not in kinds:
         known = nearest(channel.kind, [*WORDS, *NAMED, *kinds])
         raise DefinitionError(f"no channel is called {channel.kind!r}; {known}")

@@ -7,7 +7,7 @@ from msgdrop_cli.definition.channel import Channel
 from msgdrop_cli.definition.strict import number, shown, whole_number
 from msgdrop_cli.errors import DefinitionError
 
-_RANGE = re.compile(r"([0-9.]+(?:e-?[0-9]+)?%?)\.\.([0-9.]+(?:e-?[0-9]+)?%?):([0-9]+)")
+_RANGE = re.compile(r"([0-9.]+(?:e-?[0-9]+)?%?)\.\.([0-9.]+(?:e-?[0-9]+)?%?):([0-9]+)(?=[,+]|$)")
 _MOST_POINTS = 101
 
 
@@ -44,9 +44,10 @@ class Sweep:
                 f"{option}: expected LOW below HIGH and 2 to {_MOST_POINTS} points in {shown(text)}"
             )
         step = (last - first) / (count - 1)
-        values = tuple(round(first + step * place, 10) for place in range(count))
+        # In twelve digits, so that tenths are tenths.
+        values = tuple(float(f"{first + step * place:.12g}") for place in range(count))
         try:
-            channels = tuple(Channel.read(_RANGE.sub(f"{value:.10g}", text)) for value in values)
+            channels = tuple(Channel.read(_RANGE.sub(f"{value:.12g}", text)) for value in values)
         except ValueError as error:
             raise DefinitionError(f"{option}: {error}") from error
         return cls(text, values, channels)

@@ -31,17 +31,21 @@ def show_sweep(
         )
         summary = summarise(records, episodes=episodes)
     folder = figures_folder(results, "unstable-test")
-    found, say = [], console.note if as_json else console.result
+    shown: list[tuple[Group, list[Swept]]] = []
+    say = console.note if as_json else console.result
     for group in summary.groups:
         if not (swept := sweep_arms(summary, group, sweep)):
             continue
-        found += [_line(group, each, sweep) for each in swept]
+        shown.append((group, swept))
         if not as_json:
             console.table(sweep_table(summary, group, sweep, swept), numbers_from=1)
+    # The numbers may have taken minutes, so they are shown before a figure can fail.
+    if as_json:
+        arms = [_line(group, each, sweep) for group, swept in shown for each in swept]
+        console.result_json({"sweep": sweep.text, "arms": arms})
+    for group, swept in shown:
         for path in write_sweep(summary, group, sweep, swept, folder):
             say(f"wrote  {path}")
-    if as_json:
-        console.result_json({"sweep": sweep.text, "arms": found})
     return exit_code
 
 
