@@ -80,6 +80,7 @@ def test_seeds_after_a_look_change_the_estimate_and_no_verdict(tmp_path: Path) -
     assert verdict.difference == pytest.approx((60 - 10) / 7)
     assert verdict.evidence is not None
     assert (verdict.evidence.look, verdict.evidence.seeds) == (1, 6)
+    assert "the difference is of all 7 seeds" in verdict.reason
 
 
 def test_a_look_is_of_the_first_seeds(tmp_path: Path) -> None:

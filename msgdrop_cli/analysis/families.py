@@ -113,6 +113,8 @@ def _reason(
 ) -> str:
     """Why it is this word, in one line."""
     parts = [_said_of(evidence)] if evidence else []
+    if evidence and evidence.seeds < len(pair.differences):
+        parts.append(f"the difference is of all {len(pair.differences)} seeds")
     if evidence and evidence.seeds <= rule.seen:
         parts.append("looked at before it was registered, so that alpha is gone")
     if word == "level":

@@ -36,7 +36,7 @@ def evaluate(
     """Evaluate trained policies, with broken links or through other channels if asked.
 
     RESULTS is a folder (default: results). Published policies are used if the folder holds no
-    others. Episodes that were played before are not played again.
+    others. Episodes that your own runs have are not played again.
     """
     asked = [words.channel(broken_links, "--broken-links")]
     asked += [words.channel(each, "--channel") for each in channel or ()]

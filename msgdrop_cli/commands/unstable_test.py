@@ -53,7 +53,7 @@ def unstable_test(
     """Break none, half and all of the links, and compare; or whatever else can fail.
 
     RESULTS is a folder (default: results). Published policies are used if the folder holds no
-    others. Episodes that were played before are not played again.
+    others. Episodes that your own runs have are not played again.
     """
     options.check_workers(workers)
     options.check_episodes(episodes)
