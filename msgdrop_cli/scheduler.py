@@ -158,7 +158,7 @@ def _one_pool(
             yield delayed(work)(attempt.task, control)
 
     try:
-        start = {"initializer": _begin_worker, "initargs": (os.getpid(),)}
+        start = {"initializer": _begin_worker, "initargs": (os.getpid(), _wishes())}
         with parallel_config("loky", inner_max_num_threads=1, **start):
             pool = Parallel(
                 n_jobs=max(2, min(workers, len(batch))),  # 1 would be this process
@@ -181,8 +181,14 @@ def _one_pool(
     return done, []
 
 
-def _begin_worker(parent: int) -> None:
-    """Tie this process to its parent's life and leave the signals to it."""
+def _wishes() -> dict[str, str]:
+    """What the user has said by MSGDROP_ variables; workers of other wishes are not taken again."""
+    return {name: said for name, said in os.environ.items() if name.startswith("MSGDROP_")}
+
+
+def _begin_worker(parent: int, wishes: dict[str, str]) -> None:
+    """Tie this process to its parent's life, leave the signals to it, and know its wishes."""
+    os.environ.update(wishes)
     ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL, 0, 0, 0)
     if os.getppid() != parent:  # it died before we could ask
         os._exit(1)
