@@ -1,12 +1,11 @@
 """`msgdrop eval`: what the trained policies are worth, with broken links if asked."""
 
 from pathlib import Path
-from typing import Annotated
 
 import typer
 
 from msgdrop_cli.commands.parts import options, words
-from msgdrop_cli.definition.channel import NONE_BROKEN, WORDS
+from msgdrop_cli.definition.channel import NONE_BROKEN
 
 app = typer.Typer()
 
@@ -19,14 +18,7 @@ app = typer.Typer()
 )
 def evaluate(
     results: options.Folder = Path("results"),
-    broken_links: Annotated[
-        str,
-        typer.Option(
-            metavar="SHARE",
-            help="How many links are broken: none, half, all, 0.3 or 30%.",
-            autocompletion=lambda: list(WORDS),
-        ),
-    ] = "none",
+    broken_links: options.BrokenLinks = "none",
     channel: options.Channels = None,
     episodes: options.Episodes = 1_000,
     workers: options.Workers = 2,

@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from msgdrop_cli.commands.parts import console, options, words
-from msgdrop_cli.definition.channel import NONE_BROKEN, WORDS, Channel
+from msgdrop_cli.definition.channel import NONE_BROKEN, Channel
 from msgdrop_cli.errors import DefinitionError
 from msgdrop_cli.records.files import write_bytes_atomic
 
@@ -31,14 +31,7 @@ def replay(
         Path | None,
         typer.Option(metavar="FILE", help="Write a picture that moves.", parser=options.path),
     ] = None,
-    broken_links: Annotated[
-        str,
-        typer.Option(
-            metavar="SHARE",
-            help="How many links are broken: none, half, all, 0.3 or 30%.",
-            autocompletion=lambda: list(WORDS),
-        ),
-    ] = "none",
+    broken_links: options.BrokenLinks = "none",
     channel: Annotated[
         str | None,
         typer.Option(metavar="KIND:SETTINGS", help="What else messages go through."),

@@ -7,10 +7,10 @@ of as many steps as it may go back are kept. Letters: `P` episodes still in play
 import torch
 from torch import Tensor
 
-from msgdrop_cli.channels import LOST, Arriving, Scene, kind_of, others
+from msgdrop_cli.channels import LOST, Arriving, kind_of, others
 from msgdrop_cli.definition.channel import Channel
 from msgdrop_cli.engine.randomness import Streams
-from msgdrop_cli.errors import DefinitionError
+from msgdrop_cli.engine.scene import check_places, scene_of
 from msgdrop_cli.messages.received import Received
 from msgdrop_envs.autoreset import Games
 from msgdrop_envs.protocol import Environment
@@ -36,10 +36,7 @@ class Delivery:
         """
         self._channel, self._env, self._streams = channel, env, streams
         self._kind = kind = kind_of(channel)
-        if kind.needs_positions and not hasattr(env, "places"):
-            raise DefinitionError(
-                f"channel {channel.key}: this game does not say where its agents are"
-            )
+        check_places(kind, env, f"channel {channel.key}")
         self._episodes, self._playing = episodes, torch.arange(episodes, device=streams.device)
         uniforms = streams.uniforms("links", episodes, kind.episode_uniforms(env.agents))
         if lost is not None:
@@ -53,11 +50,9 @@ class Delivery:
     def arriving(self, games: Games, playing: Tensor) -> Arriving:
         """How old what arrives in the next step is; games [1, P], playing [P]: which they are."""
         self._forget_all_but(playing)
-        kind, agents = self._kind, self._env.agents
-        uniforms = self._streams.uniforms("links", self._episodes, kind.step_uniforms(agents))
-        positions = self._env.places(games.state) if kind.needs_positions else None  # type: ignore[attr-defined]
-        scene = Scene(agents, games.elapsed, positions)
-        found = kind.step(self._state, uniforms[:, playing], scene)
+        kind, env = self._kind, self._env
+        uniforms = self._streams.uniforms("links", self._episodes, kind.step_uniforms(env.agents))
+        found = kind.step(self._state, uniforms[:, playing], scene_of(kind, env, games))
         self._state = found.state
         if kind.oldest == 0:
             return found

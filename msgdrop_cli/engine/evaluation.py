@@ -50,12 +50,14 @@ def evaluate(
     """
     spec, env, learner = read_trained(run_path, device)
     streams = Streams([spec.seed if seed is None else seed], device)
-    found = kind_of(channel).links_to_find
-    lost = worst_links(learner.act_greedily, env, spec.seed, found, device) if found else None
-    delivery = Delivery(channel, env, streams, episodes, lost)
+    delivery = None
+    if channel != NONE_BROKEN:
+        found = kind_of(channel).links_to_find
+        lost = worst_links(learner.act_greedily, env, spec.seed, found, device) if found else None
+        delivery = Delivery(channel, env, streams, episodes, lost)
 
     def act(games: autoreset.Games, playing: Tensor) -> Tensor:
-        if channel == NONE_BROKEN:
+        if delivery is None:
             watch(games, None)
             return learner.act_greedily(games.obs)
         message = learner.encoding.message(games.obs)

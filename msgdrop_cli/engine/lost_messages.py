@@ -7,9 +7,10 @@ for evaluation. Letters: `R` runs, `E` games.
 import torch
 from torch import Tensor
 
-from msgdrop_cli.channels import LOST, Scene, kind_of
+from msgdrop_cli.channels import LOST, Kind, kind_of
 from msgdrop_cli.definition.channel import NONE_BROKEN, Channel
 from msgdrop_cli.engine.randomness import Streams
+from msgdrop_cli.engine.scene import check_places, scene_of
 from msgdrop_cli.errors import DefinitionError
 from msgdrop_cli.messages.received import Heard, Received
 from msgdrop_envs.autoreset import Games
@@ -19,9 +20,9 @@ from msgdrop_envs.protocol import Environment
 class LostMessages:
     """Which messages arrive in the games that are trained in."""
 
-    def __init__(self, channel: Channel, env: Environment, streams: Streams, games: int) -> None:
-        """Raises DefinitionError for a channel that does more than lose messages."""
-        self._kind, self._env, self._streams, self._games = kind_of(channel), env, streams, games
+    def __init__(self, kind: Kind, env: Environment, streams: Streams, games: int) -> None:
+        """kind: a channel that only loses messages."""
+        self._kind, self._env, self._streams, self._games = kind, env, streams, games
         self.state: Tensor
         """The channel's, [R, E, any]."""
         self.arrives: Tensor
@@ -53,10 +54,9 @@ class LostMessages:
         return self._step(self._kind.start(uniforms, self._env.agents), games)
 
     def _step(self, state: Tensor, games: Games) -> tuple[Tensor, Tensor]:
-        agents, kind = self._env.agents, self._kind
-        uniforms = self._streams.uniforms("losses", self._games, kind.step_uniforms(agents))
-        positions = self._env.places(games.state) if kind.needs_positions else None  # type: ignore[attr-defined]
-        found = kind.step(state, uniforms, Scene(agents, games.elapsed, positions))
+        kind, env = self._kind, self._env
+        uniforms = self._streams.uniforms("losses", self._games, kind.step_uniforms(env.agents))
+        found = kind.step(state, uniforms, scene_of(kind, env, games))
         return (found.age != LOST).to(torch.uint8), found.state
 
 
@@ -77,9 +77,8 @@ def lost_messages_of(
         raise DefinitionError(
             f"training.channel: {channel.key} does more than lose messages, which is for eval"
         )
-    if kind.needs_positions and not hasattr(env, "places"):
-        raise DefinitionError("training.channel: this game does not say where its agents are")
-    return LostMessages(channel, env, streams, games)
+    check_places(kind, env, "training.channel")
+    return LostMessages(kind, env, streams, games)
 
 
 def _chosen(choose: Tensor, yes: Tensor, no: Tensor) -> Tensor:

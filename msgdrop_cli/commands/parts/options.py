@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from msgdrop_cli.commands.parts import completion
-from msgdrop_cli.definition.channel import Channel, only_links
+from msgdrop_cli.definition.channel import WORDS, Channel, only_links
 from msgdrop_cli.definition.load import list_askable
 from msgdrop_cli.definition.plan import parse_seeds
 from msgdrop_cli.definition.spec import MOST_EPISODES, Definition
@@ -102,6 +102,14 @@ Folder = Annotated[
 ]
 Episodes = Annotated[
     int, typer.Option(metavar="N", help="Episodes of each policy and channel.", parser=whole)
+]
+BrokenLinks = Annotated[
+    str,
+    typer.Option(
+        metavar="SHARE",
+        help="How many links are broken: none, half, all, 0.3 or 30%.",
+        autocompletion=lambda: list(WORDS),
+    ),
 ]
 Channels = Annotated[
     list[str] | None,
