@@ -5,7 +5,7 @@ from collections import Counter
 from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import typer
 
@@ -23,19 +23,33 @@ _TEXT_COLUMNS = 4
 """The columns after them hold numbers."""
 _LABEL = 24
 """Letters of a label in the table, so that the status word has room beside it on 80 columns."""
+_NAMED = 3
+"""Runs that are named where there may be many."""
 _SILENT_S = 30.0
 """A run at work writes about once a second; who is silent for so long may have been killed."""
 
 
-@app.command(epilog=options.examples("status", "status results/runs/pursuit-n6 --json"))
-def status(results: options.Folder = Path("results"), json: options.Json = False) -> int:
+_Why = Annotated[
+    bool, typer.Option("--why", help="Only what is missing or stale, why, and what to type.")
+]
+
+
+@app.command(
+    epilog=options.examples("status", "status --why", "status results/runs/pursuit-n6 --json")
+)
+def status(
+    results: options.Folder = Path("results"), why: _Why = False, json: options.Json = False
+) -> int:
     """List the runs and how far they have come.
 
     What is still to be trained is `planned`. Published runs, if any, come after your own.
     """
     from msgdrop_cli.commands.parts.progress import progress
 
-    lines = [_line(record, progress(record.path)) for record in runs_in(results)]
+    records = runs_in(results)
+    if why:
+        return _show_why(records, as_json=json)
+    lines = [_line(record, progress(record.path)) for record in records]
     lines.sort(key=lambda line: not line["own"])  # stays sorted by path among its own kind
     if json:
         console.result_json(lines)
@@ -49,6 +63,42 @@ def status(results: options.Folder = Path("results"), json: options.Json = False
         if line["reason"]:
             console.result(f"{line['status']}: {line['path']}: {line['reason']}")
     return 0
+
+
+def _show_why(records: Sequence[RunRecord], *, as_json: bool) -> int:
+    from msgdrop_cli.commands.parts.why import reasons
+    from msgdrop_cli.engine.offers import catalogue
+
+    found = reasons(records, catalogue())
+    if as_json:
+        console.result_json(
+            [
+                {
+                    "status": why.word,
+                    "reason": why.reason,
+                    "command": why.command or None,
+                    "paths": [str(record.path) for record in why.records],
+                }
+                for why in found
+            ]
+        )
+        return 0
+    for why in found:
+        first = why.records[0]
+        heading = f"{several(len(why.records), 'run')} of {first.definition}, {first.profile}"
+        rows = {why.word: heading, "why": why.reason, "runs": _shortly(why.records)}
+        console.facts(rows | ({"type": why.command} if why.command else {}), is_result=True)
+        console.result("")
+    finished = len(records) - sum(len(why.records) for why in found)
+    console.result(f"{several(finished, 'run')} beside that: finished and up to date, or at work")
+    return 0
+
+
+def _shortly(records: Sequence[RunRecord]) -> str:
+    """`dcc-s1-560356a7, dcc-s2-22b8d43a and 10 more`."""
+    names = [record.path.name for record in records]
+    more = len(names) - _NAMED
+    return ", ".join(names[:_NAMED]) + (f" and {more} more" if more > 0 else "")
 
 
 def _show(

@@ -1,7 +1,7 @@
 """Other readings of the paper, by name: settings that any question can be asked under."""
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -60,6 +60,22 @@ def under(profile: str, readings: Sequence[str]) -> str:
     if readings and not NAME.fullmatch(called):
         raise Where(_OPTION).error(f"{shown(called)} is too long for a name; ask under fewer")
     return called
+
+
+def apart(called: str, profiles: Iterable[str]) -> tuple[str, tuple[str, ...]]:
+    """The profile and the readings that `under` made one word of.
+
+    A word that begins with none of the profiles, or goes on with what is no reading, is a profile.
+    """
+    known = sorted(all_readings(), key=len, reverse=True)
+    for profile in sorted(profiles, key=len, reverse=True):
+        rest, readings = called.removeprefix(profile), []
+        while fitting := [name for name in known if f"{rest}-".startswith(f"-{name}-")]:
+            readings.append(fitting[0])
+            rest = rest.removeprefix(f"-{fitting[0]}")
+        if called.startswith(profile) and not rest:
+            return profile, tuple(readings)
+    return called, ()
 
 
 def as_overrides(names: Sequence[str], environments: Sequence[str]) -> tuple[Override, ...]:

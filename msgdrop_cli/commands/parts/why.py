@@ -1,0 +1,160 @@
+"""Why a run is not what its question asks for today, and which command makes it so."""
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from shlex import quote
+from typing import Any
+
+from msgdrop_cli.definition.catalogue import Catalogue
+from msgdrop_cli.definition.load import list_definitions, load_definition
+from msgdrop_cli.definition.overrides import SECTIONS
+from msgdrop_cli.definition.plan import Plan, plan
+from msgdrop_cli.definition.readings import all_readings, apart
+from msgdrop_cli.definition.registration import registered_as
+from msgdrop_cli.definition.run_id import spec_to_dict
+from msgdrop_cli.errors import DefinitionError
+from msgdrop_cli.records.store import RunRecord
+
+_CURRENT = ""
+_NEVER_AGAIN = "it would diverge again, and counts as the worst value"
+_SHOWN = 3
+"""Settings that are named where more have changed."""
+
+
+@dataclass(frozen=True, slots=True)
+class Why:
+    """What keeps some runs from being finished and up to date."""
+
+    word: str
+    """`planned`, `interrupted`, `failed`, `diverged`, `stale` or `incomplete`."""
+    reason: str
+    records: tuple[RunRecord, ...]
+    command: str
+    """What to type; empty where nothing helps."""
+
+
+def reasons(records: Iterable[RunRecord], catalogue: Catalogue) -> list[Why]:
+    """Every run that is missing or stale, those of one question and reason together.
+
+    Running ones are not among them. Raises RecordError for damaged episodes.
+    """
+    found: dict[tuple[Any, ...], list[RunRecord]] = {}
+    asked = _Asked(catalogue)
+    for record in records:
+        if record.status == "running":
+            continue
+        word, reason = _why(record, asked)
+        if word != _CURRENT:
+            found.setdefault((word, reason, *_question(record)), []).append(record)
+    return [
+        Why(key[0], key[1], tuple(runs), "" if key[0] == "diverged" else _command(runs))
+        for key, runs in found.items()
+    ]
+
+
+def _why(record: RunRecord, asked: "_Asked") -> tuple[str, str]:
+    """The word and the reason; both empty for a run that is finished and up to date."""
+    match record.status:
+        case "planned":
+            return "planned", "not begun"
+        case "interrupted":
+            return "interrupted", "stopped on the way; it goes on from its checkpoint"
+        case "failed":
+            return "failed", f"{record.reason or 'no reason is recorded'}; tried again when asked"
+        case "diverged":
+            return "diverged", f"{record.reason or 'no reason is recorded'}; {_NEVER_AGAIN}"
+    try:
+        today = asked.plan_of(record)
+    except DefinitionError as error:
+        return "stale", f"cannot be asked so any more: {error}"
+    return _compared(record, today) if today else (_CURRENT, "")
+
+
+def _compared(record: RunRecord, today: Plan) -> tuple[str, str]:
+    """A finished run beside what its question plans in its place."""
+    arm = (record.environment, record.variant, record.seed)
+    same = [r for r in today.runs if (r.spec.environment, r.variant, r.spec.seed) == arm]
+    if not same:
+        return "stale", "its question has no such variant or game any more"
+    if same[0].run_id != record.run_id:
+        changes = _changes(record.spec, spec_to_dict(same[0].spec))
+        return "stale", f"settings have changed: {changes}"
+    played, asked_for = record.episodes(), today.evaluation_episodes
+    missing = [c.word for c in today.channels if len(played.get(c, ())) < asked_for]
+    if missing:
+        return "incomplete", f"fewer than {asked_for:,} episodes through {', '.join(missing)}"
+    then, now = record.registration or "", registered_as(today.definition)
+    if then != now and then.partition(":")[0] == today.definition.name:
+        return "stale", "trained under another registration, as its verdicts will say"
+    return _CURRENT, ""
+
+
+def _changes(then: dict[str, Any], now: dict[str, Any]) -> str:
+    """`algorithm.gamma 0.9 -> 0.95, ...`, those that differ."""
+    old, new = dict(_leaves(then)), dict(_leaves(now))
+    names = [n for n in dict.fromkeys((*old, *new)) if old.get(n) != new.get(n)]
+    words = [f"{n} {old.get(n, 'not set')} -> {new.get(n, 'not set')}" for n in names[:_SHOWN]]
+    more = len(names) - _SHOWN
+    return ", ".join(words) + (f" and {more} more" if more > 0 else "")
+
+
+def _leaves(table: dict[str, Any]) -> Iterator[tuple[str, Any]]:
+    for section, value in table.items():
+        if isinstance(value, dict):
+            yield from ((f"{section}.{key}", each) for key, each in value.items())
+        else:
+            yield section, value
+
+
+class _Asked:
+    """What questions plan today, each asked once."""
+
+    def __init__(self, catalogue: Catalogue) -> None:
+        self._catalogue = catalogue
+        self._plans: dict[tuple[Any, ...], Plan] = {}
+
+    def plan_of(self, record: RunRecord) -> Plan | None:
+        """The plan that the run is of; None for a question that is not shipped.
+
+        Raises DefinitionError if the question no longer takes its profile or settings.
+        """
+        name, called, overrides = _question(record)
+        if name not in list_definitions():
+            return None
+        key = (name, called, overrides, record.seed)
+        if key not in self._plans:
+            question = load_definition(name)
+            self._plans[key] = plan(
+                question,
+                apart(called, question.profiles)[0],  # what readings set, its overrides have
+                self._catalogue,
+                overrides=overrides,
+                seeds=(record.seed,),
+            )
+        return self._plans[key]
+
+
+def _question(record: RunRecord) -> tuple[str, str, tuple[str, ...]]:
+    return record.definition, record.profile, record.overrides
+
+
+def _command(runs: Sequence[RunRecord]) -> str:
+    """What finishes these runs of one question; a question that is not shipped is your file."""
+    name, called, overrides = _question(runs[0])
+    if name == "train":
+        return "the same msgdrop train again"
+    shipped = name in list_definitions()
+    profile, readings = apart(called, load_definition(name).profiles if shipped else ())
+    known = all_readings()
+    read = {
+        f"{section}.{key}"
+        for reading in readings
+        for section in SECTIONS
+        for key in getattr(known[reading], section)
+    }
+    words = ["msgdrop", "ablate", name if shipped else f"{name}.toml", "--profile", profile]
+    words += [word for reading in readings for word in ("--reading", reading)]
+    words += [w for o in overrides if o.partition("=")[0] not in read for w in ("--set", o)]
+    seeds = ",".join(str(seed) for seed in sorted({run.seed for run in runs}))
+    words += ["--seeds", seeds if "," in seeds else f"{seeds},"]
+    return " ".join(quote(word) for word in words)

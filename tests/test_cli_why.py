@@ -1,0 +1,141 @@
+"""`status --why`: what keeps runs from being finished and up to date, and what to type."""
+
+import json
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from msgdrop_cli.commands.parts import why
+from msgdrop_cli.definition.readings import all_readings, apart, under
+from msgdrop_cli.engine.offers import catalogue
+from msgdrop_cli.records.store import RunRecord, list_runs
+from tests.cli_runs import ROOT, msgdrop
+
+PUBLISHED = ROOT / "results" / "published"
+
+
+@cache
+def _published() -> RunRecord:
+    [folder] = PUBLISHED.glob("broken-links-two-million/pursuit-n6/dcc-s1-*")
+    [record] = list_runs(folder)
+    return record
+
+
+def published(**changes: Any) -> RunRecord:
+    """A published run of DCC with broken links; changes: keys of its `run.json`."""
+    return RunRecord(_published().path, _published().run | changes)
+
+
+def only(*records: RunRecord) -> why.Why:
+    """The one reason for all of them."""
+    [found] = why.reasons(records, catalogue())
+    return found
+
+
+def test_a_finished_run_needs_no_reason() -> None:
+    """What is published is what its questions ask for today."""
+    assert why.reasons([published()], catalogue()) == []
+
+
+@pytest.mark.parametrize(
+    ("status", "says"),
+    [("planned", "not begun"), ("interrupted", "checkpoint"), ("failed", "no disk; tried again")],
+)
+def test_an_unfinished_run_says_what_finishes_it(status: str, says: str) -> None:
+    """The command asks for this question, profile and seed only."""
+    found = only(published(status=status, reason="no disk"))
+    assert found.word == status
+    assert says in found.reason
+    assert found.command == "msgdrop ablate broken-links --profile two-million --seeds 1,"
+
+
+def test_a_diverged_run_is_not_tried_again() -> None:
+    """It would diverge again; nothing is to be typed."""
+    found = only(published(status="diverged", reason="NaN"))
+    assert found.reason == "NaN; it would diverge again, and counts as the worst value"
+    assert found.command == ""
+
+
+def test_runs_of_one_question_stand_together() -> None:
+    """One command is enough for all their seeds."""
+    found = only(*(published(status="planned", seed=seed) for seed in (3, 1)))
+    assert len(found.records) == 2
+    assert found.command.endswith("--seeds 1,3")
+
+
+def _with_gamma(record: RunRecord) -> dict[str, Any]:
+    spec = record.spec | {"algorithm": record.spec["algorithm"] | {"gamma": 0.5}}
+    return {"spec": spec, "run_id": "0badf00d"}
+
+
+@pytest.mark.parametrize(
+    ("changed", "says"),
+    [
+        (_with_gamma, "settings have changed: algorithm.gamma 0.5 -> 0.99"),
+        (lambda _: {"profile": "billion"}, "no profile is called 'billion'"),
+        (lambda _: {"variant": "md-7"}, "no such variant or game any more"),
+        (lambda _: {"registration": "broken-links:00000000"}, "another registration"),
+    ],
+)
+def test_a_stale_run_says_what_changed(
+    changed: Callable[[RunRecord], dict[str, Any]], says: str
+) -> None:
+    """A finished run that its question would not train today is told apart."""
+    found = only(published(**changed(published())))
+    assert found.word == "stale"
+    assert says in found.reason
+
+
+def test_missing_evaluations_are_named(tmp_path: Path) -> None:
+    """A run that was not played through all channels is incomplete."""
+    record = published()
+    found = only(RunRecord(tmp_path, record.run))  # no episodes there
+    assert (found.word, found.reason) == (
+        "incomplete",
+        "fewer than 1,000 episodes through none, half, all",
+    )
+
+
+def test_questions_of_ones_own_are_named_as_files() -> None:
+    """Which file it was is not recorded; its name is."""
+    found = only(published(status="planned", definition="mine"))
+    assert found.command.startswith("msgdrop ablate mine.toml ")
+
+
+def test_readings_are_asked_for_again() -> None:
+    """A word of profile and readings is taken apart; what they set is not set twice."""
+    [(section, key)] = [
+        (section, key)
+        for section in ("algorithm", "training", "environment")
+        for key in getattr(all_readings()["capture-once"], section)
+    ]
+    overrides = [f"{section}.{key}=1", "algorithm.gamma=0.5"]
+    found = only(published(status="planned", profile="quick-capture-once", overrides=overrides))
+    assert (
+        "--profile quick --reading capture-once --set algorithm.gamma=0.5 --seeds" in found.command
+    )
+
+
+@pytest.mark.parametrize("reading", all_readings())
+def test_a_profiles_name_is_taken_apart_again(reading: str) -> None:
+    """`apart` undoes `under`, for one reading and for two."""
+    other = next(name for name in all_readings() if name != reading)
+    for readings in ((), (reading,), tuple(sorted((reading, other)))):
+        assert apart(under("two-million", readings), ["two", "two-million"]) == (
+            "two-million",
+            readings,
+        )
+    assert apart("two-millions", ["two-million"]) == ("two-millions", ())
+
+
+def test_the_command_shows_it() -> None:
+    """Words for people, and the same for programs."""
+    said = msgdrop("status", PUBLISHED / "navigation-half-million", "--why")
+    assert said.out.strip().endswith("finished and up to date, or at work")
+    assert (
+        json.loads(msgdrop("status", PUBLISHED / "navigation-half-million", "--why", "--json").out)
+        == []
+    )
