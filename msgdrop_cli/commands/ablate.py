@@ -14,7 +14,35 @@ from msgdrop_cli.errors import DefinitionError
 app = typer.Typer()
 
 
+_Name = Annotated[
+    str | None,
+    typer.Argument(
+        metavar="[NAME|FILE.toml]",
+        help="A question, the paper's figure-3a or another, or your own file; leave it out to "
+        "list what is shipped.",
+        parser=options.question,
+        autocompletion=list_askable,
+    ),
+]
 _Lists = Annotated[bool, typer.Option("--list", help="List questions, figures and readings.")]
+
+
+def _emitted(text: str) -> str:
+    if text not in _SCHEDULERS:
+        raise typer.BadParameter(f"{text[:40]!r} is unknown; there is {', '.join(_SCHEDULERS)}")
+    return text
+
+
+_SCHEDULERS = ("slurm",)
+_Emit = Annotated[
+    str | None,
+    typer.Option(
+        metavar="slurm",
+        help="Print a job array for this scheduler instead of training.",
+        parser=_emitted,
+        autocompletion=lambda: list(_SCHEDULERS),
+    ),
+]
 
 
 @app.command(
@@ -23,20 +51,12 @@ _Lists = Annotated[bool, typer.Option("--list", help="List questions, figures an
         "ablate blockwise-vs-elementwise",
         "ablate dropout-rate --profile million --seeds 6 --dry-run",
         "ablate broken-links --reading capture-once",
+        "ablate dropout-rate --profile paper --emit slurm",
         "ablate my-question.toml --set help   (what --set takes here)",
     ),
 )
 def ablate(
-    name: Annotated[
-        str | None,
-        typer.Argument(
-            metavar="[NAME|FILE.toml]",
-            help="A question, the paper's figure-3a or another, or your own file; leave it out to "
-            "list what is shipped.",
-            parser=options.question,
-            autocompletion=list_askable,
-        ),
-    ] = None,
+    name: _Name = None,
     lists: _Lists = False,
     profile: options.Profile = None,
     reading: options.Reading = None,
@@ -47,6 +67,7 @@ def ablate(
     device: options.Device = "cpu",
     results: options.Results = Path("results"),
     dry_run: options.DryRun = False,
+    emit: _Emit = None,
     json: options.Json = False,
 ) -> int:
     """Answer a question: train, evaluate, compare, draw.
@@ -72,8 +93,10 @@ def ablate(
     )
     if settings.HELP in checked.overrides:
         return settings.show_settings(definition, checked, as_json=json)
-    from msgdrop_cli.commands.parts.carry_out import carry_out  # after the quick checks
+    from msgdrop_cli.commands.parts.carry_out import carry_out, show_job_array  # quick checks first
 
+    if emit:
+        return show_job_array(name, definition, checked)
     return carry_out(definition, checked)
 
 

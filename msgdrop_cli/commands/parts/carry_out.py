@@ -18,6 +18,7 @@ from msgdrop_cli.commands.parts.progress import Watch, Watched
 from msgdrop_cli.commands.parts.shapes import check_claims
 from msgdrop_cli.commands.parts.show_plan import outcome_json, plan_facts, plan_json
 from msgdrop_cli.commands.parts.show_report import report
+from msgdrop_cli.commands.parts.slurm import job_array
 from msgdrop_cli.commands.parts.survey import Survey, survey
 from msgdrop_cli.definition.plan import Plan, plan
 from msgdrop_cli.definition.run_id import short_hash
@@ -37,16 +38,7 @@ def carry_out(definition: Definition, options: TrainOptions) -> int:
 
     Raises DefinitionError before anything is written, RecordError, and Stopped.
     """
-    from msgdrop_cli.engine.offers import catalogue
-
-    asked = plan(
-        definition,
-        options.profile,
-        catalogue(),
-        overrides=options.overrides,
-        readings=options.readings,
-        seeds=options.seeds,
-    )
+    asked = _asked(definition, options, options.seeds)
     check_device(options.device)
     looked_up = survey(asked.runs, options.results)
     check_fits(looked_up.pending)
@@ -80,6 +72,39 @@ def carry_out(definition: Definition, options: TrainOptions) -> int:
         console.note("nothing to train")
     broken = _report(asked, options, outcomes)
     return max(broken, *(outcome.exit_code for outcome in outcomes), 0)
+
+
+def show_job_array(name: str, definition: Definition, options: TrainOptions) -> int:
+    """Print the same work as a Slurm job array; nothing is trained or looked up.
+
+    name: the question as it was typed. Raises DefinitionError.
+    """
+    asked = _asked(definition, options, options.seeds)
+    one = _asked(definition, options, (asked.runs[0].spec.seed,))
+    element = estimate(
+        (new := Survey(runs=one.runs, records={})),
+        cohorts(new.pending, options.device),
+        _finished_runs(options.results),
+        workers=options.workers,
+        device=options.device,
+        episodes=one.evaluation_episodes,
+        evaluations=len(one.channels),
+    )
+    console.result(job_array(name, asked, options, element))
+    return 0
+
+
+def _asked(definition: Definition, options: TrainOptions, seeds: Sequence[int] | None) -> Plan:
+    from msgdrop_cli.engine.offers import catalogue
+
+    return plan(
+        definition,
+        options.profile,
+        catalogue(),
+        overrides=options.overrides,
+        readings=options.readings,
+        seeds=seeds,
+    )
 
 
 def _say_what_is_slow(device: str) -> None:
