@@ -18,11 +18,14 @@ from msgdrop_cli.records.store import PROGRESS, RunRecord
 app = typer.Typer()
 
 _HEADERS = ("environment", "variant", "profile", "status", "seed", "env steps", "done", "left")
+_MANY_HEADERS = ("environment", "variant", "profile", "status", "runs", "env steps", "done", "left")
 _PUBLISHED_HEADERS = ("question", "environment", "variant", "profile", "seeds", "env steps")
 _TEXT_COLUMNS = 4
 """The columns after them hold numbers."""
 _LABEL = 24
 """Letters of a label in the table, so that the status word has room beside it on 80 columns."""
+_MOST_ROWS = 100
+"""Runs with a row each; of more a row says how many of an arm are how far."""
 _NAMED = 3
 """Runs that are named where there may be many."""
 _SILENT_S = 30.0
@@ -55,7 +58,9 @@ def status(
         console.result_json(lines)
         return 0
     own = [line for line in lines if line["own"]]
-    if own:
+    if len(own) > _MOST_ROWS:
+        _show("run", _MANY_HEADERS, own, _many(own))
+    elif own:
         _show("run", _HEADERS, own, [_cells(line) for line in own])
     if others := lines[len(own) :]:
         _show("published run", _PUBLISHED_HEADERS, others, _published(others))
@@ -110,10 +115,27 @@ def _show(
     from msgdrop_cli.report.table import Table
 
     words = [line["status"] for line in lines]
-    counts = ", ".join(f"{words.count(word)} {word}" for word in dict.fromkeys(words))
+    counts = ", ".join(f"{words.count(word):,} {word}" for word in dict.fromkeys(words))
     title = f"{several(len(lines), kind)}: {counts}"
     table = Table(title=title, headers=headers, rows=tuple(rows), caption="")
     console.table(table, numbers_from=_TEXT_COLUMNS)
+
+
+def _many(lines: Sequence[dict[str, Any]]) -> list[tuple[str, ...]]:
+    """A row for each arm and status word, with the env steps of all its runs."""
+    arms: dict[tuple[str, ...], list[dict[str, Any]]] = {}
+    for line in lines:
+        arms.setdefault(_cells(line)[:_TEXT_COLUMNS], []).append(line)
+    return [(*words, *_together(alike)) for words, alike in arms.items()]
+
+
+def _together(lines: Sequence[dict[str, Any]]) -> tuple[str, ...]:
+    """How many, their env steps, their share of all that they will have, and the longest wait."""
+    steps = sum(line["env_steps"] for line in lines)
+    total = sum(line["train_env_steps"] or 0 for line in lines)
+    left = [line["eta_s"] for line in lines if line["eta_s"] is not None]
+    share = f"{steps / total:.0%}" if total else ""
+    return f"{len(lines):,}", f"{steps:,}", share, duration(max(left)) if left else ""
 
 
 def _published(lines: Sequence[dict[str, Any]]) -> list[tuple[str, ...]]:

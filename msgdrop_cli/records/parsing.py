@@ -8,6 +8,7 @@ ten times and more what the longest run writes.
 import json
 import math
 from collections.abc import Iterable
+from functools import lru_cache
 from typing import Any, NamedTuple
 
 from msgdrop_cli.definition.spec import MOST_LOG_ROWS
@@ -115,6 +116,7 @@ def _cleaned(value: Any, depth: int) -> Any:
     return value
 
 
+@lru_cache(maxsize=4_096)  # thousands of records say the same words; 4 MB at most
 def _text(text: str) -> str:
     if len(text) > _LONGEST_TEXT:
         raise ValueError(f"a text of {len(text):,} characters, expected {_LONGEST_TEXT:,} at most")
