@@ -25,7 +25,8 @@ from msgdrop_cli.stopping import NOTHING, WRITING, Control, Unanswered
 TRIES = 3
 """How often a run is begun or continued if its worker dies."""
 _PR_SET_PDEATHSIG = 1
-_Arrived = Callable[[Sequence[Outcome]], None]
+Arrived = Callable[[Sequence[Outcome]], None]
+"""Is called with the outcomes of a task."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -52,17 +53,23 @@ class Task:
         return new | {record.run_id: record.path for record in self.trained}
 
 
+Elsewhere = Callable[[Sequence[Task], Control, Arrived], None]
+"""Does tasks and says what arrives of them, as `_in_pool` does."""
+
+
 def run_tasks(
     tasks: Sequence[Task],
     control: Control,
     *,
     workers: int,
     finished: Callable[[Outcome], None] = lambda outcome: None,
+    elsewhere: Elsewhere | None = None,
 ) -> list[Outcome]:
     """Do all tasks; returns one outcome for each of their runs, in the order of the tasks.
 
     `finished` is called with each outcome as it arrives. One worker, or one task, is done in
     this process. After a request to stop, what was not begun is `interrupted`.
+    elsewhere: what does the tasks instead of `workers` processes of this machine.
     """
     outcomes: dict[str, Outcome] = {}
 
@@ -73,7 +80,9 @@ def run_tasks(
 
     control.waiting = True
     try:
-        if min(workers, len(tasks)) <= 1:
+        if elsewhere is not None:
+            elsewhere(tasks, control, arrived)
+        elif min(workers, len(tasks)) <= 1:
             for task in tasks:
                 if not control.stopping():
                     arrived(work(task, control))
@@ -119,7 +128,7 @@ class _Attempt:
     tries: int = 0
 
 
-def _in_pool(tasks: list[Task], control: Control, workers: int, arrived: _Arrived) -> None:
+def _in_pool(tasks: list[Task], control: Control, workers: int, arrived: Arrived) -> None:
     """Do the tasks on worker processes, anew while a worker dies on the way.
 
     Nobody knows which task killed it: each one's last try is alone, so none pays for another.
@@ -137,7 +146,7 @@ def _in_pool(tasks: list[Task], control: Control, workers: int, arrived: _Arrive
 
 
 def _one_pool(
-    batch: Sequence[_Attempt], control: Control, workers: int, arrived: _Arrived
+    batch: Sequence[_Attempt], control: Control, workers: int, arrived: Arrived
 ) -> tuple[list[_Attempt], list[_Attempt]]:
     """Run a batch until it is done or a worker dies: what is done, and what was in flight then."""
     from multiprocessing import resource_tracker
@@ -251,7 +260,11 @@ def _failure(task: Task, run_id: str, error: Exception) -> Outcome:
 
 def _killed(task: Task, run_id: str) -> Outcome:
     """The outcome of a run that took its workers along."""
-    reason = f"its worker process died {TRIES} times (killed, or out of memory?)"
+    return lost(task, run_id, f"its worker process died {TRIES} times (killed, or out of memory?)")
+
+
+def lost(task: Task, run_id: str, reason: str) -> Outcome:
+    """The outcome of a run of which nothing is heard any more, which its record says, too."""
     _write_down(task, run_id, "failed", reason)
     return replace(_ended(task, run_id, "failed", reason), exit_code=3)
 

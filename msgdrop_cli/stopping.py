@@ -7,8 +7,8 @@ nothing for PATIENCE_S is given up; who says that it writes is waited for, since
 import ctypes
 import os
 import signal
-from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from types import FrameType
@@ -40,13 +40,13 @@ class Unanswered(BaseException):
 class Control:
     """How this process and its workers talk: stop, and who is at what.
 
-    It is a file in memory: a byte that says stop, then lines of `run_id phase`. It has no name and
-    lives as long as its owner; workers find it below /proc. So nothing can clean it away, fill it
-    up, or leave it behind.
+    It is a file: a byte that says stop, then lines of `run_id phase`. For workers of this machine
+    it is one in memory: it has no name and lives as long as its owner; they find it below /proc. So
+    nothing can clean it away, fill it up, or leave it behind. (`cluster.py` has another.)
     """
 
-    owner: int
-    """The process that made it."""
+    path: Path
+    """Where the owner and its workers open it."""
     descriptor: int
     """The owner's."""
     signal: int | None = None
@@ -54,11 +54,6 @@ class Control:
     waiting: bool = False
     """Whether the main thread waits for work that may be given up."""
     given_up: bool = False
-
-    @property
-    def path(self) -> Path:
-        """Where the owner and its workers open it."""
-        return Path(f"/proc/{self.owner}/fd/{self.descriptor}")
 
     def ask(self, asked: bool = True) -> None:
         """Ask everybody to stop, or take it back; for the owner."""
@@ -91,13 +86,32 @@ class Control:
 
 
 @contextmanager
-def graceful_stop() -> Iterator[Control]:
+def in_memory() -> Iterator[Control]:
+    """The control of a command and its workers on this machine."""
+    # Not os.memfd_create: Pythons that were built for old systems lack it.
+    descriptor = ctypes.CDLL(None, use_errno=True).memfd_create(b"msgdrop", _CLOSE_ON_EXEC)
+    if descriptor < 0:
+        raise OSError(ctypes.get_errno(), os.strerror(ctypes.get_errno()))
+    try:
+        control = Control(Path(f"/proc/{os.getpid()}/fd/{descriptor}"), descriptor)
+        if not control.path.exists():
+            raise RunError("/proc is missing: workers are told through it when to stop; mount it")
+        os.write(descriptor, _NOT_ASKED + b"\n")
+        yield control
+    finally:
+        os.close(descriptor)
+
+
+@contextmanager
+def graceful_stop(
+    made: Callable[[], AbstractContextManager[Control]] = in_memory,
+) -> Iterator[Control]:
     """Turns the first signal into a request to stop, the second into the end.
 
     After PATIENCE_S `Unanswered` is raised where the main thread is `waiting`, unless somebody
-    writes; if that does not end it, it is the end.
+    writes; if that does not end it, it is the end. made: what makes the control.
     """
-    with _control() as control:
+    with made() as control:
 
         def asked(signum: int, _: FrameType | None) -> None:
             if control.signal is not None:
@@ -122,19 +136,3 @@ def graceful_stop() -> Iterator[Control]:
             signal.setitimer(signal.ITIMER_REAL, 0)
             for each, handler in before.items():
                 signal.signal(each, handler)
-
-
-@contextmanager
-def _control() -> Iterator[Control]:
-    # Not os.memfd_create: Pythons that were built for old systems lack it.
-    descriptor = ctypes.CDLL(None, use_errno=True).memfd_create(b"msgdrop", _CLOSE_ON_EXEC)
-    if descriptor < 0:
-        raise OSError(ctypes.get_errno(), os.strerror(ctypes.get_errno()))
-    try:
-        control = Control(os.getpid(), descriptor)
-        if not control.path.exists():
-            raise RunError("/proc is missing: workers are told through it when to stop; mount it")
-        os.write(descriptor, _NOT_ASKED + b"\n")
-        yield control
-    finally:
-        os.close(descriptor)

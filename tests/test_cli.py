@@ -9,7 +9,6 @@ import pytest
 
 from msgdrop_cli import scheduler
 from msgdrop_cli.__main__ import greeting
-from msgdrop_cli.commands import status
 from msgdrop_cli.commands.parts import words
 from msgdrop_cli.definition.channel import Channel
 from msgdrop_cli.errors import DefinitionError
@@ -241,16 +240,6 @@ def test_status_shows_how_far_runs_are(store: Store) -> None:
     said = msgdrop("status", store.results)
     assert "4 runs: 4 done" in said.out
     assert said.out.count("100%") == 4
-
-
-def test_status_of_many_runs_has_a_row_for_each_arm(
-    store: Store, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Nobody reads a thousand rows: how many of an arm are how far, and their env steps."""
-    monkeypatch.setattr(status, "_MOST_ROWS", 3)
-    rows = msgdrop("status", store.results).out.split("\n")
-    [row] = [row.split() for row in rows if "DCC-MD 0.2" in row]
-    assert row == ["pursuit-n6", "DCC-MD", "0.2", "quick", "done", "2", "400", "100%"]
 
 
 def test_status_loads_nothing_heavy(store: Store) -> None:

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from msgdrop_cli.commands import status
 from msgdrop_cli.commands.parts import carry_out
 from msgdrop_cli.errors import RecordError
 from msgdrop_cli.records.archive import pack
@@ -110,3 +111,13 @@ def test_published_runs_stand_apart(store: Store, tmp_path: Path) -> None:
     assert published.count("pursuit-n6") == 2
     lines = json.loads(msgdrop("status", copy.results, "--json").out)
     assert [line["own"] for line in lines] == [True] * 4 + [False] * 4
+
+
+def test_status_of_many_runs_has_a_row_for_each_arm(
+    store: Store, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Nobody reads a thousand rows: how many of an arm are how far, and their env steps."""
+    monkeypatch.setattr(status, "_MOST_ROWS", 3)
+    rows = msgdrop("status", store.results).out.split("\n")
+    [row] = [row.split() for row in rows if "DCC-MD 0.2" in row]
+    assert row == ["pursuit-n6", "DCC-MD", "0.2", "quick", "done", "2", "400", "100%"]

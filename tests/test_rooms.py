@@ -16,11 +16,10 @@ from typing import Any, NamedTuple
 import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
-WARM = (
-    *("engine", "algorithms", "msgdrop_envs", "kernels", "networks", "channels", "messages", "ops"),
-)
+LEARN = ("engine", "algorithms", "msgdrop_envs", "kernels")
+WARM = (*LEARN, "networks", "channels", "messages", "ops")
 ORDER = (
-    *("__main__", "app", "commands", "report", "analysis", "scheduler"),
+    *("__main__", "app", "commands", "report", "analysis", "cluster", "scheduler"),
     *WARM,
     *("records", "definition", "msgdrop_ablations", "stopping", "signals", "errors"),
 )
@@ -29,7 +28,8 @@ LUKEWARM = "msgdrop_envs.metric"
 """A file of a warm room that loads nothing heavy, so that records are read with it."""
 TORCH_FREE = {"records", "definition", "msgdrop_ablations", "errors"}
 """These need no tensors at all, not even inside a function."""
-HEAVY = {"torch", "numpy", "matplotlib", "joblib", "safetensors", "gymnasium", "pettingzoo"}
+EXTRA = {"gymnasium", "pettingzoo", "distributed"}
+HEAVY = {"torch", "numpy", "matplotlib", "joblib", "safetensors"} | EXTRA
 SOURCE_ROOTS = {"msgdrop_cli": "", "msgdrop_envs": "envs", "msgdrop_ablations": "ablations"}
 PRODUCT = sorted(
     path for name, root in SOURCE_ROOTS.items() for path in (ROOT / root / name).rglob("*.py")
@@ -255,12 +255,13 @@ def test_environments_need_only_torch() -> None:
 
 
 def test_only_core_dependencies_are_imported() -> None:
-    """The program needs no extra but the one that `parallel_env` asks for."""
+    """The program needs no extra but what `parallel_env` and `--cluster` ask for."""
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
     core = {requirement.split(">=")[0] for requirement in project["dependencies"]}
     core = {"PIL" if name == "pillow" else name for name in core}  # its name to Python
-    product = [path for path in PRODUCT if path.name != "parallel.py"]
-    assert found(product, lambda path: foreign(path, core | set(SOURCE_ROOTS))) == {}
+    extra = {"cluster.py": {"distributed"}, "parallel.py": {"pettingzoo", "gymnasium"}}
+    ours = core | set(SOURCE_ROOTS)
+    assert found(PRODUCT, lambda path: foreign(path, ours | extra.get(path.name, set()))) == {}
 
 
 def test_files_are_short() -> None:

@@ -66,6 +66,8 @@ def ablate(
     workers: options.Workers = 2,
     device: options.Device = "cpu",
     results: options.Results = Path("results"),
+    cluster: options.Cluster = None,
+    cluster_tls: options.ClusterTls = None,
     dry_run: options.DryRun = False,
     emit: _Emit = None,
     json: options.Json = False,
@@ -90,6 +92,8 @@ def ablate(
         results=results,
         dry_run=dry_run,
         json=json,
+        cluster=cluster,
+        cluster_tls=cluster_tls,
     )
     if settings.HELP in checked.overrides:
         return settings.show_settings(definition, checked, as_json=json)

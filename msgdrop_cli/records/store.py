@@ -33,7 +33,7 @@ POLICY, PROGRESS = "policy.safetensors", "progress.json"
 Status = Literal["planned", "running", "done", "failed", "diverged", "interrupted"]
 FACTS = (
     *("env_steps", "wall_time_s", "created", "versions", "commit"),
-    *("host", "device", "threads", "kernel", "metrics", "pretraining"),
+    *("host", "device", "threads", "kernel", "metrics", "pretraining", "node"),
 )
 """What the engine knows about a run beside its plan."""
 _LONGEST_REASON = 500

@@ -1,9 +1,11 @@
 """What `ablate` and `train` do: plan, train what is missing, evaluate, report."""
 
-from collections.abc import Sequence
-from contextlib import ExitStack, suppress
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import AbstractContextManager, ExitStack, contextmanager, suppress
+from functools import partial
 from pathlib import Path
 
+from msgdrop_cli import cluster
 from msgdrop_cli.commands.parts import console
 from msgdrop_cli.commands.parts.estimate import (
     check_folder,
@@ -29,8 +31,8 @@ from msgdrop_cli.records.outcome import Outcome
 from msgdrop_cli.records.planned import plan_run
 from msgdrop_cli.records.store import RunRecord, list_runs, run_path
 from msgdrop_cli.report.write import figures_folder
-from msgdrop_cli.scheduler import Task, run_tasks
-from msgdrop_cli.stopping import Stopped, graceful_stop
+from msgdrop_cli.scheduler import Elsewhere, Task, run_tasks
+from msgdrop_cli.stopping import Control, Stopped, graceful_stop, in_memory
 
 
 def carry_out(definition: Definition, options: TrainOptions) -> int:
@@ -63,7 +65,8 @@ def carry_out(definition: Definition, options: TrainOptions) -> int:
     outcomes: list[Outcome] = []
     delete_leftovers(looked_up.records.values())
     if tasks:
-        check_memory(cost.memory_bytes, options.device)
+        if options.cluster is None:  # of other machines we know nothing
+            check_memory(cost.memory_bytes, options.device)
         check_folder(options.results, cost.disk_bytes)
         _say_what_is_slow(options.device)
         _write_down(looked_up, options.results)
@@ -131,7 +134,7 @@ def _train(
 ) -> list[Outcome]:
     todo = [
         Task(
-            root=options.results,
+            root=options.results.resolve() if options.cluster else options.results,
             train=cohort,
             channels=asked.channels,
             episodes=asked.evaluation_episodes,
@@ -153,12 +156,32 @@ def _train(
         for cohort in tasks
         for run in cohort
     ]
-    with graceful_stop() as control:
+    with _workplace(options) as (made, elsewhere), graceful_stop(made) as control:
         with Watch(watched, control) as watch:
-            outcomes = run_tasks(todo, control, workers=options.workers, finished=watch.finished)
+            outcomes = run_tasks(
+                todo,
+                control,
+                workers=options.workers,
+                finished=watch.finished,
+                elsewhere=elsewhere,
+            )
         if control.signal is not None:
             raise Stopped(control.signal)
     return outcomes
+
+
+@contextmanager
+def _workplace(
+    options: TrainOptions,
+) -> Iterator[tuple[Callable[[], AbstractContextManager[Control]], Elsewhere | None]]:
+    """What makes the control, and what does the tasks where that is not this machine's workers."""
+    if options.cluster is None:
+        yield in_memory, None
+        return
+    root = options.results.resolve()
+    with cluster.connected(options.cluster, options.cluster_tls) as client:
+        console.note(f"{options.cluster}: {cluster.check_workers(client, root)}")
+        yield partial(cluster.shared_control, root), cluster.on(client)
 
 
 def _report(asked: Plan, options: TrainOptions, outcomes: Sequence[Outcome]) -> int:

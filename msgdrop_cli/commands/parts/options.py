@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from msgdrop_cli.cluster import check_cluster, check_tls
 from msgdrop_cli.commands.parts import completion
 from msgdrop_cli.definition.channel import WORDS, Channel, only_links
 from msgdrop_cli.definition.load import list_askable
@@ -93,6 +94,17 @@ Question = Annotated[
         autocompletion=list_askable,
     ),
 ]
+Cluster = Annotated[
+    str | None,
+    typer.Option(
+        metavar="dask://HOST:PORT|local:N",
+        help="Train on the workers of a Dask cluster; they must see the results folder.",
+    ),
+]
+ClusterTls = Annotated[
+    str | None,
+    typer.Option(metavar="CA,CERT,KEY", help="Files that the cluster wants to see."),
+]
 Results = Annotated[
     Path, typer.Option("--results", metavar="DIR", help="The results folder.", parser=path)
 ]
@@ -138,6 +150,8 @@ class TrainOptions:
     results: Path
     dry_run: bool
     json: bool
+    cluster: str | None = None
+    cluster_tls: tuple[Path, ...] = ()
 
 
 def examples(*lines: str) -> str:
@@ -157,6 +171,8 @@ def train_options(
     dry_run: bool,
     json: bool,
     readings: list[str] | None = None,
+    cluster: str | None = None,
+    cluster_tls: str | None = None,
 ) -> TrainOptions:
     """The options as given, checked; DefinitionError where a value cannot be meant."""
     check_workers(workers)
@@ -171,6 +187,8 @@ def train_options(
         results=results,
         dry_run=dry_run,
         json=json,
+        cluster=check_cluster(cluster) if cluster else None,
+        cluster_tls=check_tls(cluster_tls) if cluster_tls else (),
     )
 
 
