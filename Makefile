@@ -3,6 +3,7 @@
 #   make demo    install, train the first question in its quick profile, show table and figure
 #   make test    install with the test extras, run the whole suite
 #   make lint    ruff and mypy
+#   make docs    the site and the man pages, in build/; a warning is an error
 #   make bench   env steps per second, ours and the straightforward implementation's; the floor
 #   make clean   remove caches and builds      make distclean   remove .venv, too
 # A Python of your choice:  make demo PYTHON=/path/to/python3.12
@@ -15,7 +16,7 @@ PIP := $(BIN)/python -m pip --disable-pip-version-check
 SETUP := pyproject.toml constraints.txt
 INSIDE := XDG_CACHE_HOME="$(CURDIR)/.cache" MPLCONFIGDIR="$(CURDIR)/.cache/matplotlib"
 
-.PHONY: demo test lint bench clean distclean
+.PHONY: demo test lint docs bench clean distclean
 .NOTPARALLEL:
 .DELETE_ON_ERROR:
 
@@ -30,6 +31,13 @@ lint: $(VENV)/lint.stamp
 	$(BIN)/ruff check
 	$(BIN)/mypy
 
+# mkdocs is not told to be --quiet: it counts no warnings then.
+docs: $(VENV)/docs.stamp
+	$(INSIDE) $(BIN)/python -m docs.build
+	$(INSIDE) $(BIN)/mkdocs build --strict --clean --config-file build/mkdocs.yml
+	$(INSIDE) $(BIN)/python -m docs.manual build/man
+	@echo "build/site/docs/index.html; man -l build/man/msgdrop.1"
+
 bench: $(VENV)/demo.stamp
 	$(INSIDE) OMP_NUM_THREADS=1 $(BIN)/python -m benchmarks.throughput
 	$(INSIDE) OMP_NUM_THREADS=1 $(BIN)/python -m benchmarks.roofline
@@ -37,7 +45,7 @@ bench: $(VENV)/demo.stamp
 
 clean:
 	rm -rf build dist .cache .mypy_cache .pytest_cache .ruff_cache
-	find msgdrop_cli envs ablations benchmarks tests -name __pycache__ -prune -exec rm -rf {} +
+	find msgdrop_cli envs ablations benchmarks tests docs -name __pycache__ -prune -exec rm -rf {} +
 
 distclean: clean
 	rm -rf $(VENV)
@@ -54,6 +62,10 @@ $(VENV)/test.stamp: $(VENV)/torch.stamp $(SETUP)
 
 $(VENV)/lint.stamp: $(VENV)/torch.stamp $(SETUP)
 	$(PIP) install --quiet -c constraints.txt -e '.[test,lint]'
+	@touch $@
+
+$(VENV)/docs.stamp: $(VENV)/torch.stamp $(SETUP)
+	$(PIP) install --quiet -c constraints.txt -e '.[docs]'
 	@touch $@
 
 # torch alone and first, pinned: if the resolver may look around for it, it fetches several builds
