@@ -72,7 +72,7 @@ def config() -> dict[str, Any]:
         "theme": {"name": "readthedocs", "highlightjs": False},
         "extra_css": ["style.css"],
         "plugins": ["search"],
-        "markdown_extensions": ["tables", "fenced_code", "sane_lists", {"toc": {"permalink": "#"}}],
+        "markdown_extensions": ["sane_lists"],  # beside toc, tables and fenced_code
         "validation": {
             "nav": {"omitted_files": "ignore", "not_found": "warn"},
             "links": {"not_found": "warn", "anchors": "warn", "unrecognized_links": "warn"},

@@ -40,7 +40,7 @@ REFUSED = {
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
     """A folder with all that the examples name: runs, a question, archives, published records."""
     root = tmp_path_factory.mktemp("examples")
-    few = QUESTION.replace("seeds = 2", "seeds = [1, 7]").replace("episodes = 8", "episodes = 2")
+    few = QUESTION.replace("seeds = 2", "seeds = [7]").replace("episodes = 8", "episodes = 2")
     (root / "my-question.toml").write_text(few)
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(root)
@@ -52,7 +52,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
             (root / name).parent.mkdir(exist_ok=True)
             shutil.copyfile(archive, root / name)
         shutil.copytree(root / "results", root / "other-results")
-        [run, *_] = (root / "results" / "runs").rglob("*md-0.2-s1-*")
+        [run] = (root / "results" / "runs").rglob("md-0.2-s7-*")
         shutil.copytree(run, root / "RUN")
         yield root
 
