@@ -5,7 +5,7 @@ import shlex
 
 from tests import test_rooms
 from tests.cli_runs import ROOT
-from tests.pages import Page, named
+from tests.markdown import Page, named
 from tests.test_docs_site import COMMANDS
 
 PAGE = Page((ROOT / "AGENTS.md").read_text())

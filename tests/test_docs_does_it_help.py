@@ -4,7 +4,7 @@ import re
 
 from msgdrop_cli.definition.load import list_definitions
 from tests.cli_runs import ROOT
-from tests.pages import Page, named, page
+from tests.markdown import Page, named, page
 
 PAGE = page("does-it-help.md")
 JUDGED = Page((ROOT / "results" / "README.md").read_text()).section("Judged again")

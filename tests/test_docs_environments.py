@@ -8,7 +8,7 @@ import torch
 
 from msgdrop_envs import registry
 from msgdrop_envs.protocol import Environment, Transition
-from tests.pages import named, page
+from tests.markdown import named, page
 
 PAGE = page("environments.md")
 

@@ -12,7 +12,7 @@ from msgdrop_cli.engine.offers import catalogue
 from msgdrop_cli.report.write import figures_folder
 from tests.cli_runs import ROOT, msgdrop
 from tests.fake_runs import write_run
-from tests.pages import DOCS, named, page
+from tests.markdown import DOCS, named, page
 
 PAGE = page("how-a-figure-is-made.md")
 STEPS = [row for row in PAGE.rows() if row[0][0].isdigit()]

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from tests.cli_runs import ROOT, Said, msgdrop
-from tests.pages import page
+from tests.markdown import page
 
 PAGE = page("quick-start.md")
 STUDY = Path("results/published/broken-links-two-million")

@@ -2,7 +2,7 @@
 
 from docs import readings
 from msgdrop_cli.definition.readings import all_readings
-from tests.pages import page
+from tests.markdown import page
 
 
 def test_the_register_is_up_to_date() -> None:

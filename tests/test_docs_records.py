@@ -16,7 +16,7 @@ from msgdrop_cli.records.references import Policy, References
 from msgdrop_cli.records.store import FACTS, RunRecord, list_runs, run_path
 from msgdrop_envs import registry
 from tests.cli_runs import ROOT
-from tests.pages import Page, named, page
+from tests.markdown import Page, named, page
 from tests.runs import StopAt, planned
 
 PAGE = page("records.md")

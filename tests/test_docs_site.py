@@ -13,7 +13,7 @@ import typer
 from docs import build, manual
 from msgdrop_cli import app
 from tests.cli_runs import ROOT, msgdrop
-from tests.pages import DOCS, Page
+from tests.markdown import DOCS, Page
 
 COMMANDS: dict[str, Any] = typer.main.get_command(app.app).commands  # type: ignore[attr-defined]
 PAGES = manual.markdown_pages()

@@ -6,7 +6,7 @@ import pytest
 import torch
 
 from msgdrop_cli import MessageDropout
-from tests.pages import page
+from tests.markdown import page
 
 PAGE = page("torchrl.md")
 
