@@ -50,6 +50,7 @@ _Emit = Annotated[
     epilog=options.examples(
         "ablate blockwise-vs-elementwise",
         "ablate dropout-rate --profile million --seeds 6 --dry-run",
+        "ablate broken-links --profile two-million --seeds auto",
         "ablate broken-links --reading capture-once",
         "ablate dropout-rate --profile paper --emit slurm",
         "ablate my-question.toml --set help   (what --set takes here)",
@@ -62,7 +63,7 @@ def ablate(
     reading: options.Reading = None,
     overrides: options.Set = None,
     seed: options.Seed = None,
-    seeds: options.Seeds = None,
+    seeds: options.SeedsOrAuto = None,
     workers: options.Workers = 2,
     device: options.Device = "cpu",
     results: options.Results = Path("results"),
@@ -97,7 +98,9 @@ def ablate(
     )
     if settings.HELP in checked.overrides:
         return settings.show_settings(definition, checked, as_json=json)
-    from msgdrop_cli.commands.parts.carry_out import carry_out, show_job_array  # quick checks first
+    # After the quick checks:
+    from msgdrop_cli.commands.parts.carry_out import carry_out
+    from msgdrop_cli.commands.parts.slurm import show_job_array
 
     if emit:
         return show_job_array(name, definition, checked)

@@ -1,17 +1,20 @@
 """What `ablate` and `train` do: plan, train what is missing, evaluate, report."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, ExitStack, contextmanager, suppress
 from functools import partial
 from pathlib import Path
 
 from msgdrop_cli import cluster
+from msgdrop_cli.analysis.next_looks import NextLook
 from msgdrop_cli.commands.parts import console
+from msgdrop_cli.commands.parts.auto_seeds import registration_of, to_next_looks
 from msgdrop_cli.commands.parts.estimate import (
     check_folder,
     check_memory,
     cohorts,
     estimate,
+    finished_runs,
 )
 from msgdrop_cli.commands.parts.fitting import check_fits
 from msgdrop_cli.commands.parts.options import TrainOptions, check_device
@@ -20,7 +23,6 @@ from msgdrop_cli.commands.parts.progress import Watch, Watched
 from msgdrop_cli.commands.parts.shapes import check_claims
 from msgdrop_cli.commands.parts.show_plan import outcome_json, plan_facts, plan_json
 from msgdrop_cli.commands.parts.show_report import report
-from msgdrop_cli.commands.parts.slurm import job_array
 from msgdrop_cli.commands.parts.survey import Survey, survey
 from msgdrop_cli.definition.plan import Plan, plan
 from msgdrop_cli.definition.run_id import short_hash
@@ -29,7 +31,7 @@ from msgdrop_cli.errors import RecordError
 from msgdrop_cli.records.ours import delete_leftovers
 from msgdrop_cli.records.outcome import Outcome
 from msgdrop_cli.records.planned import plan_run
-from msgdrop_cli.records.store import RunRecord, list_runs, run_path
+from msgdrop_cli.records.store import RunRecord, run_path
 from msgdrop_cli.report.write import figures_folder
 from msgdrop_cli.scheduler import Elsewhere, Task, run_tasks
 from msgdrop_cli.stopping import Control, Stopped, graceful_stop, in_memory
@@ -40,25 +42,24 @@ def carry_out(definition: Definition, options: TrainOptions) -> int:
 
     Raises DefinitionError before anything is written, RecordError, and Stopped.
     """
-    asked = _asked(definition, options, options.seeds)
+    asked, looked_up, looks = _planned(definition, options)
     check_device(options.device)
-    looked_up = survey(asked.runs, options.results)
     check_fits(looked_up.pending)
     check_claims(asked, looked_up.pending)
     tasks = cohorts(looked_up.pending, options.device)
     cost = estimate(
         looked_up,
         tasks,
-        _finished_runs(options.results),
+        finished_runs(options.results),
         workers=options.workers,
         device=options.device,
         episodes=asked.evaluation_episodes,
         evaluations=len(asked.channels),
     )
     if options.dry_run and options.json:
-        console.result_json(plan_json(asked, looked_up, cost))
+        console.result_json(plan_json(asked, looked_up, cost, looks))
         return 0
-    facts = plan_facts(asked, looked_up, cost, options)
+    facts = plan_facts(asked, looked_up, cost, options, looks)
     console.facts(facts, is_result=options.dry_run)
     if options.dry_run:
         return 0
@@ -77,30 +78,16 @@ def carry_out(definition: Definition, options: TrainOptions) -> int:
     return max(broken, *(outcome.exit_code for outcome in outcomes), 0)
 
 
-def show_job_array(name: str, definition: Definition, options: TrainOptions) -> int:
-    """Print the same work as a Slurm job array; nothing is trained or looked up.
-
-    name: the question as it was typed. Raises DefinitionError.
-    """
-    asked = _asked(definition, options, options.seeds)
-    one = _asked(definition, options, (asked.runs[0].spec.seed,))
-    element = estimate(
-        (new := Survey(runs=one.runs, records={})),
-        cohorts(new.pending, options.device),
-        _finished_runs(options.results),
-        workers=options.workers,
-        device=options.device,
-        episodes=one.evaluation_episodes,
-        evaluations=len(one.channels),
-    )
-    console.result(job_array(name, asked, options, element))
-    return 0
-
-
-def _asked(definition: Definition, options: TrainOptions, seeds: Sequence[int] | None) -> Plan:
+def _planned(
+    definition: Definition, options: TrainOptions
+) -> tuple[Plan, Survey, list[NextLook] | None]:
+    """What is shown, what is there of the runs to be trained, and the looks that `auto` goes to."""
     from msgdrop_cli.engine.offers import catalogue
 
-    return plan(
+    seeds: Sequence[int] | None = options.seeds
+    if options.to_next_look:
+        seeds = range(1, registration_of(definition).looks[-1] + 1)
+    asked = plan(
         definition,
         options.profile,
         catalogue(),
@@ -108,6 +95,11 @@ def _asked(definition: Definition, options: TrainOptions, seeds: Sequence[int] |
         readings=options.readings,
         seeds=seeds,
     )
+    looked_up = survey(asked.runs, options.results)
+    if not options.to_next_look:
+        return asked, looked_up, None
+    asked, wanted, looks = to_next_looks(asked, _as_asked(asked, looked_up.records))
+    return asked, survey(wanted, options.results), looks
 
 
 def _say_what_is_slow(device: str) -> None:
@@ -205,11 +197,8 @@ def _report(asked: Plan, options: TrainOptions, outcomes: Sequence[Outcome]) -> 
         current = dict(looked_up.records) | {record.run_id: record for record in complete}
         # Who could not be evaluated has been named; a table that counts its seed would be wrong.
         left_out = {record.run_id for record in done} - {record.run_id for record in complete}
-        records = [
-            as_planned(current[run.run_id], run)
-            for run in asked.runs
-            if run.run_id in current and run.run_id not in left_out
-        ]
+        shown = {run_id: each for run_id, each in current.items() if run_id not in left_out}
+        records = _as_asked(asked, shown)
         if records or options.json:
             report(
                 records,
@@ -228,6 +217,11 @@ def _report(asked: Plan, options: TrainOptions, outcomes: Sequence[Outcome]) -> 
             )
     words = {looked_up.status(run) for run in asked.runs}
     return max(exit_code, 3 if words & {"failed", "diverged"} else 0)
+
+
+def _as_asked(asked: Plan, records: Mapping[str, RunRecord]) -> list[RunRecord]:
+    """Those of the plan's runs that are among the records, by its names."""
+    return [as_planned(records[run.run_id], run) for run in asked.runs if run.run_id in records]
 
 
 def as_planned(record: RunRecord, planned: PlannedRun) -> RunRecord:
@@ -253,10 +247,3 @@ def _figures_of(asked: Plan, options: TrainOptions) -> str:
     if not options.overrides:
         return name
     return f"{name}-{short_hash({'overrides': list(options.overrides)})}"
-
-
-def _finished_runs(root: Path) -> list[RunRecord]:
-    """Runs to learn speeds from; a damaged one elsewhere in the folder is no matter here."""
-    with suppress(RecordError):
-        return [record for record in list_runs(root) if record.status == "done"]
-    return []

@@ -20,7 +20,7 @@ from msgdrop_cli.definition.spec import PlannedRun
 from msgdrop_cli.errors import DefinitionError, RecordError
 from msgdrop_cli.records.files import CANNOT_CREATE, CANNOT_WRITE, take_lock
 from msgdrop_cli.records.setup import Setup, read_setup
-from msgdrop_cli.records.store import RunRecord
+from msgdrop_cli.records.store import RunRecord, list_runs
 
 _RULE, _RULE_COMPILED = (0.2, 0.11), (0.1, 0.027)
 """ms of an env step on one core, and of a million of `Sizes.work`, in torch and in C: lines through
@@ -97,6 +97,13 @@ def estimate(
         disk_bytes=kept + sum(sorted(at_work)[-workers:]),
         memory_bytes=sum(sorted(memory)[-workers:]),
     )
+
+
+def finished_runs(root: Path) -> list[RunRecord]:
+    """Runs to learn speeds from; a damaged one elsewhere in the folder is no matter here."""
+    with suppress(RecordError):
+        return [record for record in list_runs(root) if record.status == "done"]
+    return []
 
 
 def check_memory(needed_bytes: int, device: str) -> None:

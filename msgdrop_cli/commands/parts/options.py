@@ -18,6 +18,8 @@ from msgdrop_cli.errors import DefinitionError, nearest
 
 _DEVICES = ("cpu", "cuda")
 _MOST_WORKERS = 256
+_AUTO = "auto"
+"""Instead of seeds: those of the next registered look."""
 _PROFILE = "quick"
 """The profile that is meant if none is named, where there are several."""
 
@@ -74,6 +76,15 @@ Reading = Annotated[
 ]
 Seeds = Annotated[
     str | None, typer.Option(metavar="N|A,B,..", help="A number of seeds (3) or a list (1,5,9).")
+]
+SeedsOrAuto = Annotated[
+    str | None,
+    typer.Option(
+        "--seeds",
+        metavar="N|A,B,..|auto",
+        help="A number of seeds (3), a list (1,5,9), or auto: as many as the next registered look"
+        " takes, of the variants whose claims are open.",
+    ),
 ]
 Seed = Annotated[int | None, typer.Option(metavar="N", help="Only this seed.", parser=whole)]
 Workers = Annotated[
@@ -145,6 +156,8 @@ class TrainOptions:
     overrides: tuple[str, ...]
     readings: tuple[str, ...]
     seeds: tuple[int, ...] | None
+    to_next_look: bool
+    """Seeds are `auto`."""
     workers: int
     device: str
     results: Path
@@ -177,11 +190,13 @@ def train_options(
     """The options as given, checked; DefinitionError where a value cannot be meant."""
     check_workers(workers)
     check_device_name(device)
+    auto = seeds == _AUTO and seed is None
     return TrainOptions(
         profile=profile,
         overrides=tuple(overrides or ()),
         readings=tuple(readings or ()),
-        seeds=chosen_seeds(seed, seeds),
+        seeds=chosen_seeds(seed, None if auto else seeds),
+        to_next_look=auto,
         workers=workers,
         device=device,
         results=results,

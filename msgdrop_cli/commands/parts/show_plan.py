@@ -4,6 +4,8 @@ from collections.abc import Sequence
 from typing import Any
 
 from msgdrop_cli.analysis.labels import shared_overrides, with_overrides
+from msgdrop_cli.analysis.next_looks import NextLook
+from msgdrop_cli.commands.parts.auto_seeds import looks_in_words
 from msgdrop_cli.commands.parts.estimate import Estimate
 from msgdrop_cli.commands.parts.options import TrainOptions
 from msgdrop_cli.commands.parts.survey import Survey
@@ -17,9 +19,13 @@ from msgdrop_cli.records.store import RunRecord
 
 
 def plan_facts(
-    asked: Plan, looked_up: Survey, cost: Estimate, options: TrainOptions
+    asked: Plan,
+    looked_up: Survey,
+    cost: Estimate,
+    options: TrainOptions,
+    looks: Sequence[NextLook] | None = None,
 ) -> dict[str, str]:
-    """The plan in words; the keys are the names beside them."""
+    """The plan in words; the keys are the names beside them. looks: of `--seeds auto`."""
     definition = asked.definition
     shared = shared_overrides([run.overrides for run in asked.runs])  # said in a line of their own
     variants = list(
@@ -28,18 +34,10 @@ def plan_facts(
             for run in asked.runs
         )
     )
-    seeds = sorted({run.spec.seed for run in asked.runs})
+    seeds = ", ".join(map(str, sorted({run.spec.seed for run in asked.runs})))
+    if looks is not None and definition.registration:
+        seeds = looks_in_words(looks, definition.registration)
     environments = list(dict.fromkeys(run.spec.environment for run in asked.runs))
-    pending, resumable = len(looked_up.pending), len(looked_up.resumable)
-    runs = several(len(looked_up.runs), "run")
-    diverged = sum(looked_up.status(run) == "diverged" for run in looked_up.runs)
-    states = {
-        "finished": len(looked_up.runs) - pending - diverged,
-        "diverged": diverged,
-        "to go on with": resumable,
-        "new": pending - resumable,
-    }
-    runs += ": " + ", ".join(f"{count} {word}" for word, count in states.items() if count)
     left = sum(looked_up.env_steps_left(run) for run in looked_up.pending)
     through = "links broken" if only_links(asked.channels) else "channels"
     through += f": {', '.join(channel.word for channel in asked.channels)}"
@@ -52,8 +50,8 @@ def plan_facts(
         **({"reading": _readings(options.readings)} if options.readings else {}),
         **({"overridden": one_line(", ".join(options.overrides))} if options.overrides else {}),
         "variants": ", ".join(variants),
-        "seeds": ", ".join(map(str, seeds)),
-        "runs": runs,
+        "seeds": seeds,
+        "runs": _runs(looked_up),
     }
     if looked_up.pending:
         facts |= {
@@ -65,6 +63,21 @@ def plan_facts(
             "disk": f"up to {size(cost.disk_bytes)} in {options.results}",
         }
     return facts
+
+
+def _runs(looked_up: Survey) -> str:
+    """`8 runs: 3 finished, 5 new`."""
+    pending, resumable = len(looked_up.pending), len(looked_up.resumable)
+    runs = several(len(looked_up.runs), "run")
+    diverged = sum(looked_up.status(run) == "diverged" for run in looked_up.runs)
+    states = {
+        "finished": len(looked_up.runs) - pending - diverged,
+        "diverged": diverged,
+        "to go on with": resumable,
+        "new": pending - resumable,
+    }
+    told = ", ".join(f"{count} {word}" for word, count in states.items() if count)
+    return f"{runs}: {told}" if told else runs
 
 
 def _readings(names: Sequence[str]) -> str:
@@ -84,11 +97,14 @@ def _says_other_things(config: Any) -> bool:
     return getattr(config, "encoder", "observation") != "observation"
 
 
-def plan_json(asked: Plan, looked_up: Survey, cost: Estimate) -> dict[str, Any]:
+def plan_json(
+    asked: Plan, looked_up: Survey, cost: Estimate, looks: Sequence[NextLook] | None = None
+) -> dict[str, Any]:
     """The same for programs (`--dry-run --json`)."""
     return {
         "definition": asked.definition.name,
         "profile": asked.profile,
+        **({} if looks is None else {"looks": [each._asdict() for each in looks]}),
         "runs": [
             outcome_json(run, looked_up.records.get(run.run_id))
             | {"env_steps_left": looked_up.env_steps_left(run)}

@@ -5,9 +5,12 @@ from collections.abc import Sequence
 from shlex import quote
 
 from msgdrop_cli import __version__
-from msgdrop_cli.commands.parts.estimate import Estimate
+from msgdrop_cli.commands.parts import console
+from msgdrop_cli.commands.parts.estimate import Estimate, cohorts, estimate, finished_runs
 from msgdrop_cli.commands.parts.options import TrainOptions
-from msgdrop_cli.definition.plan import Plan
+from msgdrop_cli.commands.parts.survey import Survey
+from msgdrop_cli.definition.plan import Plan, plan
+from msgdrop_cli.definition.spec import Definition
 from msgdrop_cli.errors import DefinitionError
 
 _NOTICE_S = 120
@@ -15,6 +18,40 @@ _NOTICE_S = 120
 _ROUND_S = 600
 _SPARE_BYTES = 700e6
 """What the program itself takes, workers included, beside the memory of the runs."""
+
+
+def show_job_array(name: str, definition: Definition, options: TrainOptions) -> int:
+    """Print the plan as a job array; nothing is trained or looked up.
+
+    name: the question as it was typed. Raises DefinitionError.
+    """
+    from msgdrop_cli.engine.offers import catalogue
+
+    if options.to_next_look:
+        raise DefinitionError("--emit: an array is of seeds that are known; give --seeds a number")
+    asked, one = (
+        plan(
+            definition,
+            options.profile,
+            catalogue(),
+            overrides=options.overrides,
+            readings=options.readings,
+            seeds=seeds,
+        )
+        for seeds in (options.seeds, (1,))
+    )
+    everything = Survey(runs=one.runs, records={})
+    element = estimate(
+        everything,
+        cohorts(everything.pending, options.device),
+        finished_runs(options.results),
+        workers=options.workers,
+        device=options.device,
+        episodes=one.evaluation_episodes,
+        evaluations=len(one.channels),
+    )
+    console.result(job_array(name, asked, options, element))
+    return 0
 
 
 def job_array(name: str, asked: Plan, options: TrainOptions, element: Estimate) -> str:

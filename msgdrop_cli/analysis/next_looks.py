@@ -1,0 +1,54 @@
+"""How far to train, so that open claims are looked at again: to the next look and no further."""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+from msgdrop_cli.analysis.verdict import Verdict
+from msgdrop_cli.definition.spec import Registration
+
+_OPEN = ("undecided", "not run")
+
+
+class NextLook(NamedTuple):
+    """The arms of one game that are due at one look."""
+
+    environment: str
+    look: int
+    """Its number: 1, 2, ..."""
+    seeds: int
+    """Seeds 1 to n."""
+    variants: tuple[str, ...]
+    """In alphabetical order."""
+    claims: int
+    """Of the open ones, those that wait for this look."""
+
+
+def next_looks(verdicts: Sequence[Verdict], rule: Registration) -> list[NextLook]:
+    """For the arms of every open claim the first look that the claim has not reached.
+
+    An arm of several open claims is due at the last of their looks. What is decided needs no arm,
+    and an open claim without a look that is left none either.
+    """
+    waiting: dict[tuple[str, int], int] = {}
+    due: dict[tuple[str, str], int] = {}
+    for verdict in verdicts:
+        reached = verdict.evidence.look if verdict.evidence else 0
+        if verdict.verdict in _OPEN and reached < len(rule.looks):
+            claim, look = verdict.claim, reached + 1
+            waiting[claim.environment, look] = waiting.get((claim.environment, look), 0) + 1
+            for variant in (claim.better, claim.worse):
+                arm = (claim.environment, variant)
+                due[arm] = max(look, due.get(arm, 0))
+    arms: dict[tuple[str, int], list[str]] = {}
+    for (environment, variant), look in sorted(due.items()):
+        arms.setdefault((environment, look), []).append(variant)
+    return [
+        NextLook(
+            environment=environment,
+            look=look,
+            seeds=rule.looks[look - 1],
+            variants=tuple(variants),
+            claims=waiting[environment, look],
+        )
+        for (environment, look), variants in sorted(arms.items())
+    ]
