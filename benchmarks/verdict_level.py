@@ -1,19 +1,24 @@
 """How often the rule of verdicts is wrong, and how soon right: simulated studies, judged by it.
 
     python -m benchmarks.verdict_level --studies 100000
+    python -m benchmarks.verdict_level --studies 100000 --anytime
 
-Each study has four arms and the four claims of two of them against the other two, as a question
-has: arms of one seed share its luck, claims share arms. Nothing here is a model of the rule; the
-studies go through the code of the program, look by look, until nothing is open.
+The second is of the e-process beside the verdicts: one claim, looked at after every seed by
+somebody who stops when it pleases. In the first, each study has four arms and the four claims of
+two of them against the other two, as a question has: arms of one seed share its luck, claims share
+arms. Nothing here is a model of the rule; the studies go through the code of the program, look by
+look, until nothing is open.
 """
 
 import argparse
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from statistics import median
 from typing import Any
 
 import numpy as np
 
+from msgdrop_cli.analysis.e_process import e_process
 from msgdrop_cli.analysis.sequential import decided, flips_of
 from msgdrop_cli.definition.spec import Registration
 
@@ -21,6 +26,8 @@ RULE = Registration(looks=(6, 8, 10, 12), alpha_spent=(0.015, 0.025, 0.035, 0.05
 """Four looks as the shipped questions have, of fewer seeds: 10^5 times 2^19 patterns take a day."""
 SHIPPED = Registration(looks=(6, 10, 14, 20), alpha_spent=(0.015, 0.025, 0.035, 0.05))
 SEED = 1
+MOST_SEEDS = 60
+"""Of a study that is looked at after every seed."""
 CLAIMS = ((0, 2), (0, 3), (1, 2), (1, 3))
 """Better and worse of four arms."""
 
@@ -78,12 +85,25 @@ def drawn(
         yield [(arms[first] - arms[second]).tolist() for first, second in CLAIMS]
 
 
+def stopped(studies: int, *, effect: float, noise: str = "normal") -> list[int]:
+    """The seed at which the e-process of each study's first claim first reaches 20; 0 for never."""
+    found = []
+    for [first, *_] in drawn(MOST_SEEDS, studies, better=1, effect=effect, noise=noise):
+        reached = (seed for seed, e in enumerate(e_process(first, 2), start=1) if e >= 20.0)
+        found.append(next(reached, 0))
+    return found
+
+
 def main() -> None:
     """Print a row of Markdown for each kind of study."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--studies", type=int, default=100_000, help="a tenth for power alone")
     parser.add_argument("--shipped", action="store_true", help="the four looks of the questions")
+    parser.add_argument("--anytime", action="store_true", help="the e-process, at any stop")
     options = parser.parse_args()
+    if options.anytime:
+        _anytime(options.studies)
+        return
     rule = SHIPPED if options.shipped else RULE
     looks = " | ".join(f"by {look} seeds" for look in rule.looks)
     print(f"| true claims | d | noise | studies | wrong | {looks} | ended at |")
@@ -96,6 +116,23 @@ def main() -> None:
         studies = options.studies // (1 if rank < 2 * len(NOISE) else 10)
         found = simulate(rule, studies, better=better, effect=effect, noise=noise)
         print(_row(found, studies, better=better, effect=effect, noise=noise), flush=True)
+
+
+def _anytime(studies: int) -> None:
+    print(
+        f"| d | noise | studies | by {MOST_SEEDS} seeds | by 6 | by 10 | by 14 | by 20 | median |"
+    )
+    print("|---" * 9 + "|")
+    kinds = [(0.0, name) for name in NOISE] + [(effect, "normal") for effect in (1.0, 1.5, 2.0)]
+    for effect, noise in kinds:
+        seeds = stopped(studies if not effect else studies // 10, effect=effect, noise=noise)
+        ever = sum(map(bool, seeds)) / len(seeds)
+        error = (ever * (1.0 - ever) / len(seeds)) ** 0.5
+        shares = [sum(0 < seed <= by for seed in seeds) / len(seeds) for by in (6, 10, 14, 20)]
+        cells = [f"{effect:g}", noise, f"{len(seeds):,}", f"{ever:.2%} +- {error:.2%}"]
+        cells += [f"{share:.1%}" for share in shares]
+        cells.append(f"{median(filter(None, seeds)):g}" if ever > 0.5 else "")
+        print("| " + " | ".join(cells) + " |", flush=True)
 
 
 def _row(found: Found, studies: int, *, better: int, effect: float, noise: str) -> str:

@@ -2,7 +2,7 @@
 
 import pytest
 
-from benchmarks.verdict_level import NOISE, simulate
+from benchmarks.verdict_level import MOST_SEEDS, NOISE, simulate, stopped
 from msgdrop_cli.definition.spec import Registration
 
 RULE = Registration(looks=(6, 8, 10), alpha_spent=(0.02, 0.035, 0.05))
@@ -26,3 +26,18 @@ def test_large_effects_are_found_soon() -> None:
     assert found.right[2] > 0.95
     assert found.wrong == 0.0
     assert found.seeds < 10.0
+
+
+@pytest.mark.parametrize("noise", NOISE)
+def test_whoever_stops_when_it_pleases_is_wrong_once_in_twenty(noise: str) -> None:
+    """By the e-process, looked at after every one of sixty seeds, whatever the noise."""
+    found = stopped(STUDIES, effect=0.0, noise=noise)
+    assert max(found) <= MOST_SEEDS
+    assert 0.01 < sum(map(bool, found)) / STUDIES <= 0.05
+
+
+def test_the_e_process_finds_large_effects_soon() -> None:
+    """Two standard deviations by ten seeds mostly, and none before six can."""
+    found = stopped(200, effect=2.0)
+    assert min(found) == 6
+    assert sum(seed <= 10 for seed in found) > 0.9 * 200

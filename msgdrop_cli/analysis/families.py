@@ -3,7 +3,8 @@
 from collections.abc import Sequence
 from statistics import fmean
 
-from msgdrop_cli.analysis.intervals import flip_interval, mean_interval
+from msgdrop_cli.analysis.e_process import Anytime, anytime
+from msgdrop_cli.analysis.intervals import ALPHA, flip_interval, mean_interval
 from msgdrop_cli.analysis.pairs import Pair
 from msgdrop_cli.analysis.prospects import Prospect, prospect
 from msgdrop_cli.analysis.sequential import decided, flips_of, looks_reached
@@ -24,7 +25,7 @@ _NOT_REGISTERED = "an estimate: the question has no [registration] of looks and 
 def judge_family(pairs: Sequence[Pair], rule: Registration | None) -> list[Verdict]:
     """One verdict for each pair of arms, in their order; without a registration all are open."""
     if rule is None:
-        return [_verdict(pair, "undecided", _NOT_REGISTERED) for pair in pairs]
+        return [_estimate(pair) for pair in pairs]
     flips = flips_of([pair.first for pair in pairs], rule)
     when = decided(flips, rule) or [None] * len(pairs)
     found = [_evidence(each, number, rule) for number, each in enumerate(flips)]
@@ -40,15 +41,25 @@ def judge_family(pairs: Sequence[Pair], rule: Registration | None) -> list[Verdi
             look = reached - 1
         evidence = None if look is None else found[look][number]
         ahead = prospect(pair, reached, rule, len(pairs)) if word == "undecided" else None
-        reason = _reason(pair, word, evidence, rule, ahead)
-        verdicts.append(_verdict(pair, word, reason, evidence, ahead))
+        stopped = anytime(pair.first, rule.sides)
+        reason = "; ".join(_reasons(pair, word, evidence, rule, ahead, stopped))
+        verdicts.append(_verdict(pair, word, reason, stopped, evidence, ahead))
     return verdicts
+
+
+def _estimate(pair: Pair) -> Verdict:
+    """What can be said of a claim whose looks nobody has registered."""
+    stopped = anytime(pair.first, sides=2)
+    return _verdict(
+        pair, "undecided", "; ".join([_NOT_REGISTERED, *_at_any_stop(stopped)]), stopped
+    )
 
 
 def _verdict(
     pair: Pair,
     word: Word,
     reason: str,
+    stopped: Anytime | None,
     evidence: Evidence | None = None,
     ahead: Prospect | None = None,
 ) -> Verdict:
@@ -63,6 +74,7 @@ def _verdict(
         seeds=len(values),
         lost=pair.lost,
         evidence=evidence,
+        anytime=stopped,
         prospect=ahead,
     )
 
@@ -108,10 +120,15 @@ def _level_at(pair: Pair, reached: int, rule: Registration, family: int) -> int 
     return None
 
 
-def _reason(
-    pair: Pair, word: Word, evidence: Evidence | None, rule: Registration, ahead: Prospect | None
-) -> str:
-    """Why it is this word, in one line."""
+def _reasons(
+    pair: Pair,
+    word: Word,
+    evidence: Evidence | None,
+    rule: Registration,
+    ahead: Prospect | None,
+    stopped: Anytime | None,
+) -> list[str]:
+    """Why it is this word."""
     parts = [_said_of(evidence)] if evidence else []
     if evidence and evidence.seeds < len(pair.differences):
         parts.append(f"the difference is of all {len(pair.differences)} seeds")
@@ -124,11 +141,12 @@ def _reason(
         parts.append(_next_look(pair, rule))
         if ahead:
             parts.append(_in_words(ahead, rule))
+    parts += _at_any_stop(stopped)
     if pair.lost:
         parts.append(f"{pair.lost} lost to failed or diverged runs, which count as the worst")
     if pair.overridden:
         parts.append(f"both with {', '.join(pair.overridden)}")
-    return "; ".join(parts)
+    return parts
 
 
 def _said_of(evidence: Evidence) -> str:
@@ -138,6 +156,17 @@ def _said_of(evidence: Evidence) -> str:
         f" smallest possible {evidence.smallest_p:.2g}, in its family {evidence.p_family:.2g}"
         f" (Holm {evidence.p_holm:.2g}); alpha spent {evidence.alpha_spent:g} of {evidence.alpha:g}"
     )
+
+
+def _at_any_stop(stopped: Anytime | None) -> list[str]:
+    """What needs no look, if it says something: the claim alone, whoever stopped when."""
+    if stopped is None or stopped.p > ALPHA or stopped.interval is None:
+        return []
+    low, high = stopped.interval
+    return [
+        f"at any stop, alone: p {stopped.p:.2g}, difference of {stopped.seeds} seeds"
+        f" [{low:.3g}, {high:.3g}]"
+    ]
 
 
 def _next_look(pair: Pair, rule: Registration) -> str:

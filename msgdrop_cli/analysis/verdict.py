@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
+from msgdrop_cli.analysis.e_process import Anytime
 from msgdrop_cli.analysis.prospects import Prospect
 from msgdrop_cli.analysis.statistics import Interval
 from msgdrop_cli.analysis.summary import Group
@@ -54,5 +55,7 @@ class Verdict:
     """Of these with a run that failed or diverged, and so has the worst value."""
     evidence: Evidence | None = None
     """At the look that decided it, or else the last one; None before the first."""
+    anytime: Anytime | None = None
+    """What holds of seeds 1 to n whoever stopped there; it decides nothing. None without any."""
     prospect: Prospect | None = None
     """What would probably decide it, if it is open."""

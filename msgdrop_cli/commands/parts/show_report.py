@@ -133,5 +133,6 @@ def _verdict_json(verdict: Verdict) -> dict[str, Any]:
         "seeds": verdict.seeds,
         "lost": verdict.lost,
         "evidence": verdict.evidence._asdict() if verdict.evidence else None,
+        "anytime": verdict.anytime.to_json() if verdict.anytime else None,
         "prospect": verdict.prospect._asdict() if verdict.prospect else None,
     }
