@@ -180,10 +180,11 @@ def test_results_table(tmp_path: Path) -> None:
     records = write_arm(tmp_path, "dcc", [4, 8])
     records.append(write_run(tmp_path, "dcc", 3, status="diverged"))
     table = results_table(summarise(records), GROUP)
-    assert table.headers[:4] == (
+    assert table.headers[:5] == (
         "variant",
         "seeds",
         "catches per 500 [95% interval]",
+        "error in a seed, spread of seeds",
         "IQM [95% interval]",
     )
     assert table.rows == (
@@ -191,6 +192,7 @@ def test_results_table(tmp_path: Path) -> None:
             "DCC",
             "2 (1 diverged)",
             "6.00 [4.00, 8.00]",
+            "6.32, 2.83",
             "6.00 [\u2013]",
             "3.00",
             "0.50",
@@ -210,7 +212,7 @@ def test_one_seed_has_a_dash_for_its_interval(tmp_path: Path) -> None:
 def test_an_arm_without_numbers_has_dashes(tmp_path: Path) -> None:
     """A variant that only diverged keeps its row."""
     table = results_table(summarise(write_arm(tmp_path, "x", [1], status="diverged")), GROUP)
-    assert table.rows == (("X", "0 (1 diverged)", *["\u2013"] * 6),)
+    assert table.rows == (("X", "0 (1 diverged)", *["\u2013"] * 7),)
 
 
 def test_broken_links_table(tmp_path: Path) -> None:

@@ -22,6 +22,8 @@ class Evaluation(NamedTuple):
     """Episodes in the record."""
     values: Mapping[str, float]
     """Each metric, over as many of them as are compared."""
+    errors: Mapping[str, float | None]
+    """The standard error of each over these episodes; None for a single one."""
 
 
 Measured = dict[Channel, dict[int, Evaluation]]
@@ -98,6 +100,7 @@ def _evaluations(
             channel: Evaluation(
                 recorded=len(rows),
                 values={each.name: each.value(rows[:episodes]) for each in metrics},
+                errors={each.name: each.standard_error(rows[:episodes]) for each in metrics},
             )
             for channel, rows in played.items()
         }

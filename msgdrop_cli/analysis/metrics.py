@@ -4,6 +4,7 @@ A metric is a ratio of sums over raw episodes (rows of `episodes.jsonl`), no mea
 that a long episode weighs what it lasts.
 """
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -55,6 +56,22 @@ class NamedMetric:
         if value is None or not abs(value) <= LARGEST_NUMBER:  # nor NaN
             raise ValueError(f"{self.name} is none, or beyond {LARGEST_NUMBER:g}")
         return value
+
+    def standard_error(self, episodes: Sequence[Mapping[str, Any]]) -> float | None:
+        """How far the value over these episodes is from that over endlessly many, as a rule.
+
+        Of a ratio of sums, so of what each episode's count differs from the ratio times its length
+        (the delta method; per episode it is the standard error of the mean). None for one episode.
+        """
+        number, ratio = len(episodes), self.value(episodes) / self.metric.scale
+        if number < 2:
+            return None
+        per = [1.0 if self.metric.per == "episodes" else row[self.metric.per] for row in episodes]
+        rest = [
+            row[self.metric.count] - ratio * each for row, each in zip(episodes, per, strict=True)
+        ]
+        squares = math.fsum(each * each for each in rest) * number / (number - 1)
+        return abs(self.metric.scale) * math.sqrt(squares) / math.fsum(per)
 
 
 @dataclass(frozen=True, slots=True)

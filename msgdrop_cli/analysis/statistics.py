@@ -41,6 +41,14 @@ def interquartile_mean(values: Sequence[float]) -> float:
     return mean(sorted(values)[cut : len(values) - cut])
 
 
+def root_mean_square(values: Sequence[float | None]) -> float | None:
+    """Of errors that add up by their squares; None where one is not known."""
+    known = [value for value in values if value is not None]
+    if not known or len(known) < len(values):
+        return None
+    return math.sqrt(mean([value * value for value in known]))
+
+
 def iqm_interval(
     values: Sequence[float], rng: "Generator", *, resamples: int = RESAMPLES
 ) -> Interval | None:

@@ -10,6 +10,7 @@ from collections import defaultdict
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from itertools import chain, groupby
+from statistics import stdev
 from types import MappingProxyType
 from typing import Any, NamedTuple
 
@@ -23,6 +24,7 @@ from msgdrop_cli.analysis.statistics import (
     interquartile_mean,
     iqm_interval,
     mean,
+    root_mean_square,
 )
 from msgdrop_cli.definition.channel import NONE_BROKEN, Channel
 from msgdrop_cli.definition.spec import TrainingSpec
@@ -57,6 +59,10 @@ class Row:
     """95% sign-flip interval of the mean over seeds; below six lowest to highest, None for one."""
     iqm_interval: Interval | None
     """95% bootstrap interval of the interquartile mean; None below ten seeds."""
+    within: float | None
+    """Error within a seed: the standard error over its episodes, root mean square of the seeds."""
+    between: float | None
+    """Standard deviation of the seeds' values, which that error is a part of; None for one seed."""
     episodes: int
     """Evaluation episodes of each seed: as many as of every other row of its group."""
     recorded: int
@@ -246,6 +252,8 @@ def _rows(
                 iqm=interquartile_mean(values),
                 interval=mean_interval(values),
                 iqm_interval=iqm_interval(values, rng),
+                within=root_mean_square([each.errors[metric.name] for each in seeds.values()]),
+                between=stdev(values) if len(values) > 1 else None,
                 episodes=episodes,
                 recorded=max(evaluation.recorded for evaluation in seeds.values()),
             )
@@ -271,6 +279,8 @@ def _json_lines(arm: Arm) -> Iterable[dict[str, Any]]:
             "iqm": row.iqm,
             "low": row.interval.low if row.interval else None,
             "high": row.interval.high if row.interval else None,
+            "within_seed": row.within,
+            "between_seeds": row.between,
             "iqm_low": row.iqm_interval.low if row.iqm_interval else None,
             "iqm_high": row.iqm_interval.high if row.iqm_interval else None,
             "episodes": row.episodes,

@@ -16,6 +16,10 @@ from msgdrop_cli.definition.channel import MANY, NONE_BROKEN, Channel, title_of
 from msgdrop_cli.records.references import References
 
 NOTHING = "\u2013"
+_ERRORS = (
+    " Error in a seed: the standard error over its episodes (root mean square of the seeds), which"
+    " more episodes make smaller; spread: standard deviation of the seeds, that error included."
+)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -38,6 +42,7 @@ def results_table(summary: Summary, group: Group, channel: Channel = NONE_BROKEN
             arm.label,
             seeds_text(arm),
             _estimate(row := arm.row(metrics.headline.name, channel)),
+            _errors(row),
             _with_interval(row.iqm, row.iqm_interval) if row else NOTHING,
             *(_mean(arm.row(each.name, channel)) for each in others),
         )
@@ -45,7 +50,7 @@ def results_table(summary: Summary, group: Group, channel: Channel = NONE_BROKEN
     ]
     references = summary.references_of(group)
     rows += _reference_rows(
-        references, [metrics.headline.name, None, *(each.name for each in others)]
+        references, [metrics.headline.name, None, None, *(each.name for each in others)]
     )
     shown = [row for arm in arms for row in arm.rows if row.channel == channel]
     evaluation = (
@@ -60,11 +65,13 @@ def results_table(summary: Summary, group: Group, channel: Channel = NONE_BROKEN
             "variant",
             "seeds",
             f"{metrics.headline.label} [95% interval]",
+            "error in a seed, spread of seeds",
             "IQM [95% interval]",
             *(each.label for each in others),
         ),
         rows=tuple(rows),
         caption=f"{_about(summary, group)}; {evaluation}. {_headline_note(metrics.headline)}"
+        + _ERRORS
         + _references_note(references),
     )
 
@@ -186,6 +193,14 @@ def _references_note(references: References | None) -> str:
 
 def _estimate(row: Row | None) -> str:
     return _with_interval(row.mean, row.interval) if row else NOTHING
+
+
+def _errors(row: Row | None) -> str:
+    """`0.4, 2.1`: of one seed over its episodes, and of the seeds."""
+    if row is None:
+        return NOTHING
+    errors = (row.within, row.between)
+    return ", ".join(NOTHING if each is None else _number(each) for each in errors)
 
 
 def _mean(row: Row | None) -> str:
