@@ -139,7 +139,7 @@ def test_evaluating_does_not_change_training(
 
 
 def test_enough_episodes_are_not_played_again(tmp_path: Path) -> None:
-    """More are drawn anew as a whole, fewer do nothing, other channels stay."""
+    """Of less than a block more are drawn anew, fewer do nothing, other channels stay."""
     [outcome] = train_cohort([planned(train_env_steps=160)], tmp_path)
     assert evaluate_run(outcome.path, channel=Channel.read(0.5), episodes=8) == 8
     assert evaluate_run(outcome.path, channel=Channel.read(0.0), episodes=10) == 10
@@ -148,6 +148,24 @@ def test_enough_episodes_are_not_played_again(tmp_path: Path) -> None:
     [record] = list_runs(outcome.path)
     assert len(record.episodes()[Channel.read(0.0)]) == 12
     assert len(record.episodes()[Channel.read(0.5)]) == 8
+
+
+@pytest.mark.parametrize("text", ["none", "half", "noise:0.5", "worst:3"])
+def test_more_episodes_leave_the_blocks_before_as_they_are(
+    tmp_path: Path, trained: dict[str, Path], monkeypatch: pytest.MonkeyPatch, text: str
+) -> None:
+    """Four, then seven, then ten are the ten of one go, and only what is missing is played."""
+    monkeypatch.setattr(evaluation, "BLOCK", 4)
+    channel, copy = Channel.read(text), tmp_path / "copy"
+    shutil.copytree(trained["dcc-md"], copy)
+    at_once = evaluate(trained["dcc-md"], channel=channel, episodes=10)
+    played = [evaluate_run(copy, channel=channel, episodes=count) for count in (4, 7, 10)]
+    assert played == [4, 3, 6]
+    assert list_runs(copy)[0].episodes()[channel] == at_once
+    assert at_once[:4] == evaluate(trained["dcc-md"], channel=channel, episodes=4)
+    assert [row["episode"] for row in at_once] == list(range(10))
+    games = [(row["steps"], row["return"], row["edge_hits"]) for row in at_once]
+    assert games[:4] != games[4:8]
 
 
 def test_channels_meet_the_same_games_however_few_are_asked_for(tmp_path: Path) -> None:

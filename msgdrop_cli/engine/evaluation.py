@@ -12,6 +12,7 @@ from typing import Any
 
 from torch import Tensor
 
+from msgdrop_cli.algorithms.learner import Learner
 from msgdrop_cli.channels import kind_of
 from msgdrop_cli.definition.channel import NONE_BROKEN, Channel
 from msgdrop_cli.definition.spec import MOST_LOG_ROWS
@@ -27,6 +28,11 @@ from msgdrop_cli.records.store import EPISODES, list_runs
 from msgdrop_envs import autoreset
 from msgdrop_envs.protocol import Environment
 
+BLOCK = 1_000
+"""Episodes that are drawn together (paper l. 419): more of them leave those before as they are."""
+_APART = 2**40
+"""Numbers of each stream that a block may take; none takes a thousandth."""
+
 
 @arithmetic.settled()
 def evaluate(
@@ -34,27 +40,46 @@ def evaluate(
     *,
     channel: Channel,
     episodes: int,
+    first: int = 0,
     device: str = "cpu",
     stop: Callable[[], bool] = lambda: False,
     seed: int | None = None,
     watch: Callable[[autoreset.Games, Tensor | None], None] = lambda games, keep: None,
 ) -> list[dict[str, Any]]:
-    """Play `episodes` greedy episodes whose messages go through `channel`.
+    """Play `episodes` greedy episodes whose messages go through `channel`, from number `first` on.
 
     Returns a row an episode: the channel's entry, episode, steps, finished (it ended by itself),
-    return (summed over agents and steps), and the environment's counts. `stop` is asked twice a
-    second; if it says so, there are no rows. seed: of other episodes than the run's own. watch: is
-    shown the games before each step, and what arrives in it.
+    return (summed over agents and steps), and the environment's counts. first: a multiple of BLOCK;
+    those before it were played earlier. `stop` is asked twice a second; if it says so, there are
+    no rows. seed: of other episodes than the run's own. watch: is shown the games before each step,
+    and what arrives in it.
     Raises RecordError if the policy cannot be read or does not fit, DefinitionError for a channel
     that does not exist.
     """
     spec, env, learner = read_trained(run_path, device)
-    streams = Streams([spec.seed if seed is None else seed], device)
-    delivery = None
-    if channel != NONE_BROKEN:
-        found = kind_of(channel).links_to_find
-        lost = worst_links(learner.act_greedily, env, spec.seed, found, device) if found else None
-        delivery = Delivery(channel, env, streams, episodes, lost)
+    lost = None
+    if channel != NONE_BROKEN and (found := kind_of(channel).links_to_find):
+        lost = worst_links(learner.act_greedily, env, spec.seed, found, device)
+    rows: list[dict[str, Any]] = []
+    for start in range(first, episodes, BLOCK):
+        count = min(BLOCK, episodes - start)
+        seeds = [spec.seed if seed is None else seed]
+        streams = Streams(seeds, device, first=start // BLOCK * _APART)
+        delivery = None
+        if channel != NONE_BROKEN:
+            delivery = Delivery(channel, env, streams, count, lost)
+        act = _acting(learner, delivery, watch)
+        table = play_episodes(env, act, streams, count, stop)
+        if table is None:
+            return []
+        rows += [_row(env, channel, n, values) for n, values in enumerate(table.tolist(), start)]
+    return rows
+
+
+def _acting(
+    learner: Learner, delivery: Delivery | None, watch: Callable[[autoreset.Games, Any], None]
+) -> Callable[[autoreset.Games, Tensor], Tensor]:
+    """What the agents do at each step, hearing what the delivery brings; None: everything."""
 
     def act(games: autoreset.Games, playing: Tensor) -> Tensor:
         if delivery is None:
@@ -65,10 +90,7 @@ def evaluate(
         watch(games, received.keep)
         return learner.act_greedily(games.obs, received)
 
-    table = play_episodes(env, act, streams, episodes, stop)
-    if table is None:
-        return []
-    return [_row(env, channel, n, values) for n, values in enumerate(table.tolist())]
+    return act
 
 
 def evaluate_run(
@@ -81,11 +103,11 @@ def evaluate_run(
 ) -> int:
     """Evaluate, and put the rows into the run's `episodes.jsonl` in one atomic step.
 
-    Does nothing if the run has that many already; fewer are replaced, since an evaluation is drawn
-    as a whole. For the same reason a channel is played as often as any other of the run, if that is
-    more: episode by episode they then meet the same games. Returns the number of episodes played, 0
-    if `stop` said so. Raises RecordError, (75) if another process trains or evaluates the run: one
-    of them would lose its rows.
+    Does nothing if the run has that many already; whole blocks of it stay, a part of one is played
+    again, since a block is drawn as a whole. For the same reason a channel is played as often as
+    any other of the run, if that is more: episode by episode they then meet the same games. Returns
+    the number of episodes played, 0 if `stop` said so. Raises RecordError, (75) if another process
+    trains or evaluates the run: one of them would lose its rows.
     """
     if list_runs(run_path)[0].has_episodes([channel], episodes):
         return 0
@@ -101,10 +123,19 @@ def evaluate_run(
             raise RecordError(
                 f"{run_path / EPISODES}: {problem} {MOST_LOG_ROWS:,} are kept of a run"
             )
-        rows = evaluate(run_path, channel=channel, episodes=episodes, device=device, stop=stop)
+        kept = sorted(played.get(channel, ()), key=lambda row: row["episode"])
+        del kept[len(kept) // BLOCK * BLOCK :]
+        rows = evaluate(
+            run_path,
+            channel=channel,
+            episodes=episodes,
+            first=len(kept),
+            device=device,
+            stop=stop,
+        )
         if not rows:
             return 0
-        played[channel] = rows
+        played[channel] = [*kept, *rows]
         for each in played.values():
             each.sort(key=lambda row: row["episode"])
         write_jsonl_atomic(run_path / EPISODES, chain(*(played[each] for each in sorted(played))))

@@ -27,8 +27,11 @@ _WEYL, _MIX1, _MIX2 = 0x9E3779B97F4A7C15, 0xBF58476D1CE4E5B9, 0x94D049BB133111EB
 class Streams:
     """The streams of R runs, read in lockstep. Positions count numbers, from 0."""
 
-    def __init__(self, seeds: Sequence[int], device: torch.device | str = "cpu") -> None:
-        self._seeds = tuple(seeds)
+    def __init__(
+        self, seeds: Sequence[int], device: torch.device | str = "cpu", *, first: int = 0
+    ) -> None:
+        """first: the position at which every stream is read first."""
+        self._seeds, self._first = tuple(seeds), first
         self.device = device
         self.positions: dict[str, int] = {}
         self._keys: dict[str, Tensor] = {}
@@ -49,7 +52,7 @@ class Streams:
 
     def load(self, name: str, count: int) -> None:
         """Have the next `count` numbers lie where those of the last such call lay (graphs.py)."""
-        position = self.positions.get(name, 0)
+        position = self.positions.get(name, self._first)
         bits = self._bits(name, position // 2, count // 2 + 1)
         bits = bits[:, position % 2 : position % 2 + count]
         place = self._places.setdefault((name, count), torch.empty_like(bits))
@@ -57,7 +60,7 @@ class Streams:
 
     def _draw(self, name: Name, shape: tuple[int, ...]) -> Tensor:
         count = torch.Size(shape).numel()
-        position = self.positions.get(name, 0)
+        position = self.positions.get(name, self._first)
         start, block = self._blocks.get(name, (0, None))
         if block is None or position < start or position + count > start + block.shape[1]:
             start = position - position % 2
