@@ -41,3 +41,22 @@ def test_more_seeds_than_are_registered(tmp_path: Path) -> None:
     assert found is not None
     assert (found.seeds > 20, found.registered) == (True, False)
     assert found.training_s == 2.0 * (found.seeds - 5)
+
+
+@pytest.mark.parametrize(
+    ("differences", "why"),
+    [
+        ([9, 10], "; below 3 seeds there is no forecast"),
+        ([5, 5, 5], "; all seeds differ alike, so there is no forecast"),
+        ([10, -10, 9, -9, 1], "; as it stands 100 seeds would probably not decide"),
+        ([9, 10, 11, 10], "; 10 would probably decide (about 1 min of training)"),
+    ],
+)
+def test_an_open_claim_says_what_would_decide_it_or_why_nobody_knows(
+    tmp_path: Path, differences: list[int], why: str
+) -> None:
+    """Before the first look as after it."""
+    better = [50 + each for each in differences]
+    verdict = verdict_on(arms(tmp_path, better, [50] * len(differences)), rule=SHIPPED)
+    assert verdict.verdict == "undecided"
+    assert f"first registered look at 6 seeds{why}" in verdict.reason

@@ -6,7 +6,7 @@ from statistics import fmean
 from msgdrop_cli.analysis.e_process import Anytime, anytime
 from msgdrop_cli.analysis.intervals import ALPHA, flip_interval, mean_interval
 from msgdrop_cli.analysis.pairs import Pair
-from msgdrop_cli.analysis.prospects import Prospect, prospect
+from msgdrop_cli.analysis.prospects import Prospect, no_forecast, prospect
 from msgdrop_cli.analysis.sequential import decided, flips_of, looks_reached
 from msgdrop_cli.analysis.sign_flips import (
     Flipped,
@@ -139,8 +139,7 @@ def _reasons(
         parts.append(f"surely within {margin:g} of 0")
     if word == "undecided":
         parts.append(_next_look(pair, rule))
-        if ahead:
-            parts.append(_in_words(ahead, rule))
+        parts.append(_in_words(ahead, rule) if ahead else no_forecast(pair, rule))
     parts += _at_any_stop(stopped)
     if pair.lost:
         parts.append(f"{pair.lost} lost to failed or diverged runs, which count as the worst")

@@ -53,6 +53,16 @@ def prospect(pair: Pair, look: int, rule: Registration, family: int) -> Prospect
     return Prospect(max(seeds, last + 1), False, _training_s(pair, max(seeds, last + 1)))
 
 
+def no_forecast(pair: Pair, rule: Registration) -> str:
+    """Why `prospect` has nothing to say of an open claim."""
+    values = [*pair.differences.values()]
+    if len(values) < _FEWEST:
+        return f"below {_FEWEST} seeds there is no forecast"
+    if not stdev(values):
+        return "all seeds differ alike, so there is no forecast"
+    return f"as it stands {_IN_REACH * rule.looks[-1]} seeds would probably not decide"
+
+
 def _far(share: float) -> float:
     """How many standard errors a difference must have to be as rare on one side."""
     return NormalDist().inv_cdf(1.0 - share) if share > 0.0 else math.inf
