@@ -82,9 +82,12 @@ def scene(agents: int, step: int) -> Scene:
 
 @pytest.mark.parametrize("agents", [2, 3, 8])
 @pytest.mark.parametrize("name", [*kinds(), *TOYS])
-def test_every_kind_keeps_the_contract(name: str, agents: int) -> None:
+def test_every_kind_keeps_the_contract(name: str, agents: int, tmp_path: Path) -> None:
     """Ages for every message, from what it was given alone, each game by itself."""
-    channel = Channel(name, kinds()[name].example)
+    file = tmp_path / "links.csv"
+    file.write_text(f"step,receiver,sender,age\n2,0,{agents - 1},1\n0,1,0,0\n")
+    trace = Channel.read(f"trace:{file}").located()
+    channel = trace if name == "trace" else Channel(name, kinds()[name].example)
     assert Channel.read(channel.key) == channel
     kind = kind_of(channel)
     state = kind.start(numbers(kind.episode_uniforms(agents)), agents)
@@ -184,6 +187,30 @@ def test_a_channel_that_there_is_not_is_one_line(channel: str, message: str, sto
     said = msgdrop("eval", store.results, "--channel", channel)
     assert (said.code, said.out, said.err.count("\n")) == (2, "", 1)
     assert message in said.err
+
+
+@pytest.mark.parametrize(
+    ("channel", "message"),
+    [
+        ("silent:7", "the number of silent agents is at most 6 among 6 agents, not 7"),
+        ("nearest:6", "the number of agents that are heard is at most 5 among 6 agents, not 6"),
+        ("worst:16", "the number of links is at most 15 among 6 agents, not 16"),
+    ],
+)
+def test_more_than_a_game_has_is_one_line(
+    channel: str, message: str, store: Store, tmp_path: Path
+) -> None:
+    """Before anything is played, of policies and of questions; what there is, is taken."""
+    line = f"pursuit-n6, channel {channel}: {message}"
+    said = msgdrop("eval", store.results, "--channel", channel, "--episodes", "5")
+    assert (said.code, said.out, "evaluating" in said.err) == (2, "", False)
+    assert line in said.err
+    question = definition(tmp_path, f'channels = ["none", "{channel}"]')
+    said = msgdrop("ablate", question, "--profile", "quick", "--dry-run", "--results", tmp_path)
+    assert (said.code, said.out) == (2, "")
+    assert line in said.err
+    kind, _, most = channel.partition(":")
+    kind_of(Channel(kind, (float(most) - 1,))).check(6)
 
 
 def definition(folder: Path, channels_line: str, claim_line: str = "") -> str:

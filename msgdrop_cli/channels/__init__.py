@@ -1,9 +1,10 @@
 """What becomes of messages on their way, one file a kind: its name in channels is its file's.
 
-The file `one_way.py` holds the frozen dataclass `OneWay`, the kind `one-way`; its fields, all
-numbers, are the settings in their order. Training dropout is none of these: see `ops`. What a
-channel does is mostly said by how old the message is that arrives: 0, it is this step's; 3, of
-three steps ago; LOST, none arrives. `engine/delivery.py` hands over the messages of that age.
+The file `one_way.py` holds the frozen dataclass `OneWay`, the kind `one-way`; its fields, numbers
+but for the file of `trace`, are the settings in their order. Training dropout is none of these: see
+`ops`. What a channel does is mostly said by how old the message is that arrives: 0, it is this
+step's; 3, of three steps ago; LOST, none arrives. `engine/delivery.py` hands over the messages of
+that age.
 """
 
 import importlib
@@ -13,9 +14,10 @@ from typing import Any, ClassVar, NamedTuple
 import torch
 from torch import Tensor
 
+from msgdrop_cli.definition import traces
 from msgdrop_cli.definition.channel import Channel, build_channel
 
-LOST = 255
+LOST = traces.LOST
 """The age of a message that does not arrive."""
 
 
@@ -56,6 +58,9 @@ class Kind:
 
     whole: ClassVar[bool] = True
     """Whether what arrives is what its own sender said in the same game."""
+
+    def check(self, agents: int) -> None:
+        """ValueError for settings that have no meaning in a game of so many agents."""
 
     @property
     def oldest(self) -> int:
@@ -124,6 +129,12 @@ def check_whole(name: str, value: float, least: int, most: int) -> None:
     """ValueError unless it is a whole number from `least` to `most`."""
     if not (least <= value <= most and value == int(value)):
         raise ValueError(f"{name} must be a whole number from {least} to {most}, not {value:g}")
+
+
+def check_at_most(name: str, value: float, most: int, agents: int) -> None:
+    """ValueError if it is more than there can be among so many agents."""
+    if value > most:
+        raise ValueError(f"{name} is at most {most} among {agents} agents, not {value:g}")
 
 
 def kinds() -> dict[str, type[Any]]:

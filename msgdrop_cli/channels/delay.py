@@ -6,8 +6,7 @@ from typing import ClassVar
 from torch import Tensor
 
 from msgdrop_cli.channels import Arriving, Kind, Scene, check_whole, nothing_lost
-
-LONGEST = 100
+from msgdrop_cli.definition.traces import OLDEST
 
 
 @dataclass(frozen=True, slots=True)
@@ -19,7 +18,7 @@ class Delay(Kind):
     """From 0, at most 100."""
 
     def __post_init__(self) -> None:
-        check_whole("the delay in steps", self.steps, 0, LONGEST)
+        check_whole("the delay in steps", self.steps, 0, OLDEST)
 
     @property
     def oldest(self) -> int:

@@ -7,7 +7,7 @@ import torch
 from torch import Tensor
 
 from msgdrop_cli.channels import LOST, Arriving, Kind, Scene, by_message, check_whole
-from msgdrop_cli.channels.delay import LONGEST
+from msgdrop_cli.definition.traces import OLDEST
 
 
 @dataclass(frozen=True, slots=True)
@@ -19,7 +19,7 @@ class Jitter(Kind):
     most: float
 
     def __post_init__(self) -> None:
-        check_whole("the longest delay in steps", self.most, 0, LONGEST)
+        check_whole("the longest delay in steps", self.most, 0, OLDEST)
         check_whole("the shortest delay in steps", self.least, 0, int(self.most))
 
     @property

@@ -5,7 +5,7 @@ from typing import ClassVar
 
 from torch import Tensor
 
-from msgdrop_cli.channels import Arriving, Kind, Scene, check_whole, lost_where
+from msgdrop_cli.channels import Arriving, Kind, Scene, check_at_most, check_whole, lost_where
 from msgdrop_cli.channels.within import distances
 
 
@@ -16,10 +16,14 @@ class Nearest(Kind):
     example: ClassVar[tuple[float, ...]] = (2.0,)
     needs_positions: ClassVar[bool] = True
     heard: float
-    """How many; as many as there are, or more, are all."""
+    """How many, at most all others."""
 
     def __post_init__(self) -> None:
         check_whole("the number of agents that are heard", self.heard, 0, 255)
+
+    def check(self, agents: int) -> None:
+        """There must be so many others."""
+        check_at_most("the number of agents that are heard", self.heard, agents - 1, agents)
 
     def step(self, state: Tensor, uniforms: Tensor, scene: Scene) -> Arriving:
         """The rest is not heard."""

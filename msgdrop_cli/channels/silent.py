@@ -5,7 +5,15 @@ from typing import ClassVar
 
 from torch import Tensor
 
-from msgdrop_cli.channels import Arriving, Kind, Scene, check_whole, lost_where, others
+from msgdrop_cli.channels import (
+    Arriving,
+    Kind,
+    Scene,
+    check_at_most,
+    check_whole,
+    lost_where,
+    others,
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -14,10 +22,14 @@ class Silent(Kind):
 
     example: ClassVar[tuple[float, ...]] = (1.0,)
     agents: float
-    """How many; as many as there are, or more, are all."""
+    """How many, at most as many as there are."""
 
     def __post_init__(self) -> None:
         check_whole("the number of silent agents", self.agents, 0, 255)
+
+    def check(self, agents: int) -> None:
+        """There must be so many."""
+        check_at_most("the number of silent agents", self.agents, agents, agents)
 
     def episode_uniforms(self, agents: int) -> int:
         """One number orders each agent."""

@@ -5,7 +5,15 @@ from typing import ClassVar
 
 from torch import Tensor
 
-from msgdrop_cli.channels import Arriving, Kind, Scene, by_message, check_whole, lost_where
+from msgdrop_cli.channels import (
+    Arriving,
+    Kind,
+    Scene,
+    by_message,
+    check_at_most,
+    check_whole,
+    lost_where,
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -17,10 +25,15 @@ class Worst(Kind):
 
     example: ClassVar[tuple[float, ...]] = (1.0,)
     links: float
-    """How many, both directions of each; as many as there are, or more, are all."""
+    """How many, both directions of each, at most as many as there are."""
 
     def __post_init__(self) -> None:
         check_whole("the number of links", self.links, 0, 255)
+
+    def check(self, agents: int) -> None:
+        """There must be so many."""
+        most = agents * (agents - 1) // 2
+        check_at_most("the number of links", self.links, most, agents)
 
     @property
     def links_to_find(self) -> int:

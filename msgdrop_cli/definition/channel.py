@@ -10,13 +10,17 @@ Which kinds exist is not known here: each is a file in `channels`, and whoever b
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
+from pathlib import Path
 from typing import Any, Literal, get_args
 
 from msgdrop_cli.definition.strict import number, shown
+from msgdrop_cli.definition.traces import TraceFile
 from msgdrop_cli.errors import DefinitionError, nearest
 
 LINKS = "links"
 """The paper's kind, broken links (l. 519-541): a share alone means it, and so do old records."""
+TRACE = "trace"
+"""The kind whose setting is a file."""
 WORDS = {"none": 0.0, "half": 0.5, "all": 1.0}
 """Shares of broken links as people say them."""
 NAMED = {
@@ -46,10 +50,14 @@ class Channel:
     """What stands in for a message that does not arrive: `zero` as in the paper (l. 525), `hold:3`,
     the last one for so many steps, or `mean`, of all that have arrived from that sender."""
     scale: Scale = SCALES[0]
+    file: TraceFile | None = None
+    """In place of settings, of a recorded trace."""
 
     def __post_init__(self) -> None:
         if not _KIND.fullmatch(self.kind):
             raise ValueError(f"{shown(self.kind)} cannot name a channel")
+        if (self.kind == TRACE) != (self.file is not None) or (self.file and self.settings):
+            raise ValueError("a trace is a file: trace:links.csv")
         if self.kind == LINKS and not (len(self.settings) == 1 and 0 <= self.settings[0] <= 1):
             raise ValueError("broken links need one share from 0 to 1 (0.3 or 30%)")
         if self.missing not in ("zero", "mean") and not 1 <= self.hold <= _LONGEST_HOLD:
@@ -59,7 +67,7 @@ class Channel:
 
     def __lt__(self, other: "Channel") -> bool:
         mine, theirs = (
-            (each.kind != LINKS, each.kind, each.settings, each.missing, each.scale)
+            (each.kind != LINKS, each.kind, each.settings, str(each.file), each.missing, each.scale)
             for each in (self, other)
         )
         return mine < theirs
@@ -96,24 +104,36 @@ class Channel:
                 if name in found:
                     raise ValueError("says twice what a receiver does")
                 found[name] = said
-            return cls(kind, settings, **found)
+            file = TraceFile.read(settings) if isinstance(settings, str) else None
+            return cls(kind, () if isinstance(settings, str) else settings, **found, file=file)
         except ValueError as error:
-            more = f" ({error})" if receiver else ""
+            more = f" ({error})" if receiver or text.partition(":")[0] == TRACE else ""
             raise ValueError(f"{_EXPECTED}, not {shown(value)}{more}") from error
 
     @staticmethod
-    def _read_kind(text: str, value: object) -> tuple[str, tuple[float, ...]]:
+    def _read_kind(text: str, value: object) -> tuple[str, tuple[float, ...] | str]:
         if text in WORDS:
             return LINKS, (WORDS[text],)
         kind, colon, settings = text.partition(":")
+        if kind == TRACE:
+            return TRACE, settings
         if not isinstance(value, str) or not (colon or text[:1].isalpha()):
             return LINKS, (number(text),)
         return kind, tuple(map(number, settings.split(","))) if colon else ()
 
+    def located(self, folder: Path = Path()) -> "Channel":
+        """What people ask for, with the content of its file, so that a record can tell it.
+
+        folder: where paths that are not absolute begin. Raises ValueError for a file that cannot
+        be read.
+        """
+        return self if self.file is None else replace(self, file=self.file.located(folder))
+
     @property
     def key(self) -> str:
         """`links:0.5`, `kind:1,0.5+hold:3`: what `read` reads, one text a channel."""
-        settings = ":" * bool(self.settings) + ",".join(map(_digits, self.settings))
+        settings = self._settings(",")
+        settings = ":" * bool(settings) + settings
         missing = f"+{self.missing}" if self.missing != "zero" else ""
         scale = f"+scale:{self.scale}" if self.scale != SCALES[0] else ""
         return self.kind + settings + missing + scale
@@ -145,11 +165,15 @@ class Channel:
         """For a sentence: `half of the links broken`; of other kinds the word."""
         return self._named(links=" of the links broken")
 
+    def _settings(self, between: str) -> str:
+        """The shortest digits that are these numbers, or what records call the file."""
+        return str(self.file or between.join(repr(n).removesuffix(".0") for n in self.settings))
+
     def _named(self, links: str) -> str:
         names = {key: name for name, key in NAMED.items()}
         if name := names.get(self.key):
             return name
-        settings = ", ".join(map(_digits, self.settings))
+        settings = self._settings(", ")
         said = names.get(replace(self, missing="zero", scale=SCALES[0]).key)
         if self.kind == LINKS:
             words = {share: word for word, share in WORDS.items()}
@@ -201,16 +225,12 @@ def build_channel(channel: Channel, kinds: Mapping[str, type[Any]]) -> Any:
         raise DefinitionError(f"no channel is called {channel.kind!r}; {known}")
     kind = kinds[channel.kind]
     names = [field.name for field in fields(kind)]
-    if len(names) != len(channel.settings):
+    settings = channel.settings if channel.file is None else (channel.file,)
+    if len(names) != len(settings):
         takes = ":" * bool(names) + ",".join(names).upper()
         example = Channel(channel.kind, kind.example).key
         raise DefinitionError(f"channel {channel.key}: expected {channel.kind}{takes} ({example})")
     try:
-        return kind(*channel.settings)
+        return kind(*settings)
     except ValueError as error:
         raise DefinitionError(f"channel {channel.key}: {error}") from error
-
-
-def _digits(value: float) -> str:
-    """The shortest digits that are this number."""
-    return repr(value).removesuffix(".0")

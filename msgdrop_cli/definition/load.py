@@ -8,7 +8,7 @@ import os
 import stat
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Literal
 
@@ -135,7 +135,7 @@ def _read(path: Path) -> bytes:
 def _parsed(name: str, file: str, content: bytes, *, shipped: bool) -> Definition:
     where = Where(file)
     _check_names([name], where)
-    read = build(QuestionFile, read_toml(content, where), where)
+    read = _with_traces(build(QuestionFile, read_toml(content, where), where), where)
     _check(read, where)
     claims = tuple(
         each
@@ -158,6 +158,26 @@ def _parsed(name: str, file: str, content: bytes, *, shipped: bool) -> Definitio
         registration=read.registration,
         shipped=shipped,
     )
+
+
+def _with_traces(read: QuestionFile, where: Where) -> QuestionFile:
+    """The same with the traces that it names, whose paths begin where the question's file lies."""
+
+    def located(channels: Iterable[Channel]) -> tuple[Channel, ...]:
+        return tuple(channel.located(Path(where.file).parent) for channel in channels)
+
+    try:
+        return replace(
+            read,
+            channels=located(read.channels),
+            profiles={
+                name: replace(each, channels=located(each.channels)) if each.channels else each
+                for name, each in read.profiles.items()
+            },
+            claims=tuple(replace(c, channel=located([c.channel])[0]) for c in read.claims),
+        )
+    except ValueError as error:
+        raise where.error(str(error)) from error
 
 
 def _check(read: QuestionFile, where: Where) -> None:

@@ -48,7 +48,10 @@ class TrainingSpec:
 
     def __post_init__(self) -> None:
         try:  # `half` and `links:0.5` are one
-            object.__setattr__(self, "channel", Channel.read(self.channel).key)
+            through = Channel.read(self.channel)
+            if through.file is not None:
+                raise ValueError("a recorded trace is for eval")
+            object.__setattr__(self, "channel", through.key)
         except ValueError as error:
             raise ValueError(f"channel: {error}") from error
         for name in (

@@ -48,6 +48,7 @@ class Sweep:
         values = tuple(float(f"{first + step * place:.12g}") for place in range(count))
         try:
             channels = tuple(Channel.read(_RANGE.sub(f"{value:.12g}", text)) for value in values)
+            channels = tuple(channel.located() for channel in channels)
         except ValueError as error:
             raise DefinitionError(f"{option}: {error}") from error
         return cls(text, values, channels)

@@ -10,7 +10,7 @@ from torch import Tensor
 from msgdrop_cli.channels import LOST, Arriving, kind_of, others
 from msgdrop_cli.definition.channel import Channel
 from msgdrop_cli.engine.randomness import Streams
-from msgdrop_cli.engine.scene import check_places, scene_of
+from msgdrop_cli.engine.scene import check_means_something, scene_of
 from msgdrop_cli.messages.received import Received
 from msgdrop_envs.autoreset import Games
 from msgdrop_envs.protocol import Environment
@@ -36,7 +36,7 @@ class Delivery:
         """
         self._channel, self._env, self._streams = channel, env, streams
         self._kind = kind = kind_of(channel)
-        check_places(kind, env, f"channel {channel.key}")
+        check_means_something(kind, env, f"channel {channel.key}")
         self._episodes, self._playing = episodes, torch.arange(episodes, device=streams.device)
         uniforms = streams.uniforms("links", episodes, kind.episode_uniforms(env.agents))
         if lost is not None:

@@ -21,6 +21,7 @@ from msgdrop_cli.engine.delivery import Delivery
 from msgdrop_cli.engine.playing import play_episodes
 from msgdrop_cli.engine.policy import read_trained
 from msgdrop_cli.engine.randomness import Streams
+from msgdrop_cli.engine.scene import check_means_something
 from msgdrop_cli.engine.worst_links import worst_links
 from msgdrop_cli.errors import RecordError
 from msgdrop_cli.records.files import run_lock, write_jsonl_atomic
@@ -58,8 +59,11 @@ def evaluate(
     """
     spec, env, learner = read_trained(run_path, device)
     lost = None
-    if channel != NONE_BROKEN and (found := kind_of(channel).links_to_find):
-        lost = worst_links(learner.act_greedily, env, spec.seed, found, device)
+    if channel != NONE_BROKEN:
+        kind = kind_of(channel)
+        check_means_something(kind, env, f"channel {channel.key}")
+        if found := kind.links_to_find:
+            lost = worst_links(learner.act_greedily, env, spec.seed, found, device)
     rows: list[dict[str, Any]] = []
     for start in range(first, episodes, BLOCK):
         count = min(BLOCK, episodes - start)

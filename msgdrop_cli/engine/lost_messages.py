@@ -10,7 +10,7 @@ from torch import Tensor
 from msgdrop_cli.channels import LOST, Kind, kind_of
 from msgdrop_cli.definition.channel import NONE_BROKEN, Channel
 from msgdrop_cli.engine.randomness import Streams
-from msgdrop_cli.engine.scene import check_places, scene_of
+from msgdrop_cli.engine.scene import check_means_something, scene_of
 from msgdrop_cli.errors import DefinitionError
 from msgdrop_cli.messages.received import Heard, Received
 from msgdrop_envs.autoreset import Games
@@ -77,7 +77,7 @@ def lost_messages_of(
         raise DefinitionError(
             f"training.channel: {channel.key} does more than lose messages, which is for eval"
         )
-    check_places(kind, env, "training.channel")
+    check_means_something(kind, env, "training.channel")
     return LostMessages(kind, env, streams, games)
 
 

@@ -6,10 +6,14 @@ from msgdrop_envs.autoreset import Games
 from msgdrop_envs.protocol import Environment
 
 
-def check_places(kind: Kind, env: Environment, channel: str) -> None:
-    """DefinitionError, which names the channel, if it needs places that the game does not tell."""
+def check_means_something(kind: Kind, env: Environment, channel: str) -> None:
+    """DefinitionError, which names the channel, if this game does not have what it asks for."""
     if kind.needs_positions and not hasattr(env, "places"):
         raise DefinitionError(f"{channel}: this game does not say where its agents are")
+    try:
+        kind.check(env.agents)
+    except ValueError as error:
+        raise DefinitionError(f"{channel}: {error}") from error
 
 
 def scene_of(kind: Kind, env: Environment, games: Games) -> Scene:

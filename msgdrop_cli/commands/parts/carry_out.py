@@ -16,7 +16,7 @@ from msgdrop_cli.commands.parts.estimate import (
     estimate,
     finished_runs,
 )
-from msgdrop_cli.commands.parts.fitting import check_fits
+from msgdrop_cli.commands.parts.fitting import check_channels_fit, check_fits
 from msgdrop_cli.commands.parts.options import TrainOptions, check_device
 from msgdrop_cli.commands.parts.play_missing import evaluated
 from msgdrop_cli.commands.parts.progress import Watch, Watched
@@ -45,6 +45,8 @@ def carry_out(definition: Definition, options: TrainOptions) -> int:
     asked, looked_up, looks = _planned(definition, options)
     check_device(options.device)
     check_fits(looked_up.pending)
+    games = {run.spec.environment: run.spec.environment_config for run in looked_up.pending}
+    check_channels_fit(games, asked.channels)
     check_claims(asked, looked_up.pending)
     tasks = cohorts(looked_up.pending, options.device)
     cost = estimate(

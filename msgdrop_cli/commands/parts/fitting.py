@@ -1,9 +1,10 @@
-"""Which algorithms can act in an environment; loads torch."""
+"""Which algorithms can act in an environment, and which channels mean something; loads torch."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from msgdrop_cli.commands.parts.shapes import on_no_device
+from msgdrop_cli.definition.channel import Channel, only_links
 from msgdrop_cli.definition.spec import PlannedRun
 from msgdrop_cli.errors import DefinitionError
 
@@ -22,6 +23,24 @@ def check_fits(runs: Sequence[PlannedRun]) -> None:
         if why:
             fitting = ", ".join(_fitting(run.spec.environment_config))
             raise DefinitionError(f"{place}: {why}; what fits: {fitting}")
+
+
+def check_channels_fit(environments: Mapping[str, Any], channels: Sequence[Channel]) -> None:
+    """Refuse (DefinitionError) a channel that asks for more than one of these games has.
+
+    environments: their Configs by name.
+    """
+    if only_links(channels):
+        return
+    from msgdrop_cli.channels import kind_of
+    from msgdrop_cli.engine.scene import check_means_something
+    from msgdrop_envs import registry
+
+    for name, config in environments.items():
+        with on_no_device(name):
+            env = registry.make(config, "meta")
+        for channel in channels:
+            check_means_something(kind_of(channel), env, f"{name}, channel {channel.key}")
 
 
 def _why_not(environment: Any, learner: str, config: Any) -> str | None:

@@ -2,18 +2,20 @@
 
 import shutil
 from collections.abc import Sequence
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from dataclasses import replace
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from msgdrop_cli.analysis.summary import Summary
 from msgdrop_cli.commands.parts import console
+from msgdrop_cli.commands.parts.fitting import check_channels_fit
 from msgdrop_cli.commands.parts.listing import runs_in
 from msgdrop_cli.commands.parts.options import check_device
 from msgdrop_cli.commands.parts.progress import Watch, Watched
 from msgdrop_cli.commands.parts.words import several
 from msgdrop_cli.definition.channel import Channel
+from msgdrop_cli.definition.run_id import spec_from_dict
 from msgdrop_cli.errors import DefinitionError, RecordError
 from msgdrop_cli.records.packed import packed_name
 from msgdrop_cli.records.store import EPISODES, METRICS, POLICY, RUN, RunRecord, list_runs
@@ -75,12 +77,15 @@ def evaluated(
     """The records with at least `episodes` episodes for each channel.
 
     Published runs are never written to: what they lack is played in a copy that lives as long as
-    `keep`. Raises Stopped if a signal asks for it.
+    `keep`. Raises DefinitionError for channels that mean nothing in one of the games, Stopped if a
+    signal asks for it.
     """
     sound, missing, worst = _sorted_out(records, channels, episodes)
     if not missing:
         return Evaluated(sound, worst)
     check_device(device)
+    games = _games([record for record in sound if record.run_id in missing])
+    check_channels_fit(games, channels)
     console.note(f"{len(missing):,} of {several(len(sound), 'run')} lack episodes: played anew")
     places = [
         record if record.run_id not in missing or record.is_own else _copy(record, keep)
@@ -138,6 +143,17 @@ def _sorted_out(
             console.error(str(error))
             worst = max(worst, error.exit_code)
     return sound, missing, worst
+
+
+def _games(records: Sequence[RunRecord]) -> dict[str, Any]:
+    """The Configs of the games that they were trained in, by name; without damaged ones."""
+    from msgdrop_cli.engine.offers import catalogue
+
+    known, games = catalogue(), dict[str, Any]()
+    for record in records:
+        with suppress(DefinitionError):  # whoever reads its policy says so
+            games[record.environment] = spec_from_dict(record.spec, known).environment_config
+    return games
 
 
 def _may_play(record: RunRecord, root: Path, channels: Sequence[Channel], episodes: int) -> bool:

@@ -41,9 +41,12 @@ def several(count: int, word: str) -> str:
 
 
 def channel(text: str, option: str) -> Channel:
-    """`none`, `half`, `all`, 0.3, 30% or `kind:1,0.5`; DefinitionError for anything else."""
+    """`none`, `half`, `all`, 0.3, 30%, `kind:1,0.5` or `trace:FILE`, which is looked at.
+
+    Raises DefinitionError for anything else.
+    """
     try:
-        return Channel.read(text)
+        return Channel.read(text).located()
     except ValueError as error:
         raise DefinitionError(f"{option}: {error}") from error
 
