@@ -25,6 +25,7 @@ def test_a_share_alone_means_broken_links(value: object) -> None:
         "links:0.5+mean",
         "delay:3+hold:2",
         "loss:1e-07+scale:one",
+        "loss:0.5+mean+scale:one+epsilon:0.02",
     ],
 )
 def test_a_key_is_read_as_what_it_was_printed_from(text: str) -> None:
@@ -36,7 +37,8 @@ def test_a_key_is_read_as_what_it_was_printed_from(text: str) -> None:
     "value",
     ["", ":", "1.5", "-0.1", "links", "links:2", "links:0.1,0.2", "loss:", "loss:x", "loss:inf",
      "Loss:1", "a b", "half:1,", "loss:1+hold:0",
-     "loss:1+hold:2+mean", "loss:1+scale:two", "half+x", True, None,
+     "loss:1+hold:2+mean", "loss:1+scale:two", "half+x",
+     "half+epsilon:2", "half+epsilon", "half+epsilon:0.1+epsilon:0.1", True, None,
      [0.5], {"links": 0.5}, 10**400, float("nan")],
 )  # fmt: skip
 def test_anything_else_is_refused(value: object) -> None:
@@ -54,6 +56,7 @@ def test_anything_else_is_refused(value: object) -> None:
         ("0.3", "30%", "30% broken", "30% of the links broken"),
         ("bursts:0.1,8", "bursts 0.1, 8", "bursts 0.1, 8", "bursts 0.1, 8"),
         ("tmc-light", "tmc-light", "tmc-light", "tmc-light"),
+        ("none+epsilon:2%", *["none broken, epsilon 0.02"] * 3),
     ],
 )
 def test_a_channel_has_words_for_people(text: str, word: str, short: str, label: str) -> None:

@@ -4,22 +4,27 @@ import shutil
 from contextlib import AbstractContextManager
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 import torch
+from torch import Tensor
 
 from msgdrop_cli.algorithms.dcc import DCC
 from msgdrop_cli.definition.channel import Channel
 from msgdrop_cli.engine import evaluation
 from msgdrop_cli.engine.evaluation import evaluate, evaluate_run
 from msgdrop_cli.engine.offers import catalogue
+from msgdrop_cli.engine.playing import play_episodes
+from msgdrop_cli.engine.policy import read_trained
 from msgdrop_cli.engine.run import train_cohort
+from msgdrop_cli.engine.scene import kind_in
 from msgdrop_cli.engine.tensors import read_tensors, write_tensors
-from msgdrop_cli.errors import RecordError
+from msgdrop_cli.errors import DefinitionError, RecordError
 from msgdrop_cli.messages.received import Received
 from msgdrop_cli.records.files import run_lock
 from msgdrop_cli.records.store import list_runs
-from msgdrop_envs import registry
+from msgdrop_envs import autoreset, registry
 from tests.dcc_samples import integers, rand
 from tests.runs import digest, planned
 
@@ -81,6 +86,46 @@ def test_broken_links_change_what_a_policy_does(trained: dict[str, Path]) -> Non
         for b in (0.0, 0.5, 1.0)
     ]
     assert results[0] != results[1] != results[2] != results[0]
+
+
+def test_share_of_random_actions_in_evaluation_is_epsilon(
+    trained: dict[str, Path], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """4 of 5 random choices are another action than the greedy one (5 sigma); none is at 0."""
+    taken = list[Tensor]()
+
+    def watched(env: Any, act: Any, *rest: Any) -> Tensor | None:
+        learner = read_trained(trained["fdc"]).learner
+
+        def both(games: autoreset.Games, playing: Tensor) -> Tensor:
+            actions: Tensor = act(games, playing)
+            taken.append((actions != learner.act_greedily(games.obs)).flatten())
+            return actions
+
+        return play_episodes(env, both, *rest)
+
+    monkeypatch.setattr(evaluation, "play_episodes", watched)
+    for text, share in (("half", 0.0), ("half+epsilon:0.1", 0.08)):
+        taken.clear()
+        evaluate(trained["fdc"], channel=Channel.read(text), episodes=30)
+        differ = torch.cat(taken).float()
+        assert abs(differ.mean() - share) <= 5 * (share * (1 - share) / len(differ)) ** 0.5
+
+
+def test_policies_explore_alike_through_every_channel(trained: dict[str, Path]) -> None:
+    """FDC's rows are the same whatever breaks, other ones than the greedy, and the same again."""
+    rows = [
+        [list(row.values())[1:] for row in evaluate(trained["fdc"], channel=each, episodes=30)]
+        for each in map(Channel.read, ("none", *("none+epsilon:0.1", "half+epsilon:0.1") * 2))
+    ]
+    assert rows[1] == rows[2] == rows[3] == rows[4] != rows[0]
+
+
+def test_epsilon_needs_a_choice_of_actions() -> None:
+    """Numbers are refused, by what would be played through it."""
+    env = registry.make("waterworld-n8")
+    with pytest.raises(DefinitionError, match="epsilon is for agents that have a choice"):
+        kind_in(Channel.read("none+epsilon:0.1"), env, "here")
 
 
 def test_fdc_does_not_notice_broken_links(trained: dict[str, Path]) -> None:

@@ -51,8 +51,9 @@ def test_a_reading_changes_its_own_settings_of_every_run(name: str, question: st
             old, new = (table[section] for table in tables)
             changed = {key: value for key, value in new.items() if old.get(key) != value}
             assert changed == getattr(READINGS[name], section)
-        assert before.run_id != after.run_id
-        assert after.profile == f"paper-{name}"
+        changes_runs = not READINGS[name].evaluation_epsilon
+        assert (before.run_id != after.run_id) == changes_runs
+        assert after.profile == (f"paper-{name}" if changes_runs else "paper")
 
 
 @pytest.mark.parametrize("name", READINGS)
@@ -82,6 +83,28 @@ def test_the_order_of_readings_does_not_matter() -> None:
     ]
     assert [run.run_id for run in plans[0].runs] == [run.run_id for run in plans[1].runs]
     assert {each.profile for each in plans} == {"quick-capture-once-huber"}
+
+
+def test_policies_that_explore_are_evaluated_beside_greedy_ones(tmp_path: Path) -> None:
+    """The same runs, another evaluation of each channel, which the claims are about."""
+    links = QUESTIONS["broken-links"]
+    usual, read = (plan(links, "paper", CATALOGUE, readings=r) for r in ((), ("exploring",)))
+    keys = [channel.key for channel in usual.channels]
+    assert [channel.key for channel in read.channels] == [
+        *keys, *(f"{key}+epsilon:0.02" for key in keys)
+    ]  # fmt: skip
+    asked = [(claim.channel.key, claim.measure) for claim in usual.claims]
+    assert [(c.channel.key, c.measure) for c in read.claims] == [
+        (f"{key}+epsilon:0.02", measure) for key, measure in asked
+    ]
+    store = filled_store(tmp_path)
+    said = store.ablate("--reading", "exploring")
+    assert said.code == 0, said.err
+    assert "trained" not in said.err
+    assert "none broken, epsilon 0.02" in " ".join(said.out.split())
+    for record in list_runs(store.results):
+        assert {each.key for each in record.episodes()} >= {"links:0", "links:0+epsilon:0.02"}
+    assert "epsilon" not in store.ablate().out
 
 
 def test_what_is_typed_lies_over_a_reading() -> None:

@@ -3,6 +3,7 @@
     links:0.5                      half of the links broken, as in the paper; also `half`, 0.5, 50%
     bursts:0.2,4+hold:3            a kind with its settings, then what the receiver does about it
     loss:0.5+mean+scale:one
+    none+epsilon:0.02              of those who act a random choice in fifty
 
 Which kinds exist is not known here: each is a file in `channels`, and whoever builds one has them.
 """
@@ -35,7 +36,7 @@ Scale = Literal["trained", "one", "delivered"]
 SCALES: tuple[Scale, ...] = get_args(Scale)
 """Of messages at execution: 1 - rate as in the paper, 1, or more where fewer arrive."""
 _EXPECTED = "expected none, half, all, a share from 0 to 1 (0.3 or 30%) or kind:settings"
-_RECEIVER = "after + the receiver: mean, hold:STEPS, scale:one or scale:delivered"
+_RECEIVER = "after +: mean, hold:STEPS, scale:one, scale:delivered or epsilon:SHARE"
 _LONGEST_HOLD = 1_000_000
 _KIND = re.compile(r"[a-z][a-z0-9-]{0,63}")
 
@@ -50,6 +51,8 @@ class Channel:
     """What stands in for a message that does not arrive: `zero` as in the paper (l. 525), `hold:3`,
     the last one for so many steps, or `mean`, of all that have arrived from that sender."""
     scale: Scale = SCALES[0]
+    epsilon: float = 0.0
+    """The share of random actions; 0 is greedy. No matter of messages, but of evaluation."""
     file: TraceFile | None = None
     """In place of settings, of a recorded trace."""
 
@@ -64,13 +67,19 @@ class Channel:
             raise ValueError(f"{_RECEIVER}, not {shown(self.missing)}")
         if self.scale not in SCALES:
             raise ValueError(f"{_RECEIVER}, not {shown('scale:' + self.scale)}")
+        if not 0.0 <= self.epsilon <= 1.0:
+            raise ValueError(f"epsilon is a share from 0 to 1, not {shown(self.epsilon)}")
 
     def __lt__(self, other: "Channel") -> bool:
         mine, theirs = (
-            (each.kind != LINKS, each.kind, each.settings, str(each.file), each.missing, each.scale)
+            (each.kind != LINKS, each.kind, each.settings, str(each.file), *each._receiver)
             for each in (self, other)
         )
         return mine < theirs
+
+    @property
+    def _receiver(self) -> tuple[str, str, float]:
+        return self.missing, self.scale, self.epsilon
 
     @property
     def hold(self) -> int:
@@ -80,8 +89,17 @@ class Channel:
 
     @property
     def plain(self) -> bool:
-        """Whether receivers do what those of the paper do."""
-        return self.missing == "zero" and self.scale == SCALES[0]
+        """Whether receivers do what those of the paper do, and everybody acts greedily."""
+        return not any(self._ends)
+
+    @property
+    def _ends(self) -> tuple[str, str, str]:
+        """What stands after the kind, as far as it is not the paper's: `hold:3`, `scale:one`."""
+        return (
+            self.missing if self.missing != "zero" else "",
+            f"scale:{self.scale}" if self.scale != SCALES[0] else "",
+            f"epsilon:{_digits(self.epsilon)}" if self.epsilon else "",
+        )
 
     @classmethod
     def read(cls, value: object) -> "Channel":
@@ -99,13 +117,15 @@ class Channel:
             kind, settings = cls._read_kind(text, value)
             found: dict[str, Any] = {}
             for each in receiver:
-                scales, _, scale = each.partition(":")
-                name, said = ("scale", scale) if scales == "scale" else ("missing", each)
+                word, _, said = each.partition(":")
+                name = word if word in ("scale", "epsilon") else "missing"
                 if name in found:
                     raise ValueError("says twice what a receiver does")
-                found[name] = said
+                found[name] = each if name == "missing" else said
             file = TraceFile.read(settings) if isinstance(settings, str) else None
-            return cls(kind, () if isinstance(settings, str) else settings, **found, file=file)
+            epsilon = number(found.pop("epsilon", "0"))
+            settings = () if isinstance(settings, str) else settings
+            return cls(kind, settings, **found, epsilon=epsilon, file=file)
         except ValueError as error:
             more = f" ({error})" if receiver or text.partition(":")[0] == TRACE else ""
             raise ValueError(f"{_EXPECTED}, not {shown(value)}{more}") from error
@@ -133,10 +153,8 @@ class Channel:
     def key(self) -> str:
         """`links:0.5`, `kind:1,0.5+hold:3`: what `read` reads, one text a channel."""
         settings = self._settings(",")
-        settings = ":" * bool(settings) + settings
-        missing = f"+{self.missing}" if self.missing != "zero" else ""
-        scale = f"+scale:{self.scale}" if self.scale != SCALES[0] else ""
-        return self.kind + settings + missing + scale
+        ends = "".join(f"+{each}" for each in self._ends if each)
+        return self.kind + ":" * bool(settings) + settings + ends
 
     @property
     def entry(self) -> dict[str, float | str]:
@@ -167,21 +185,20 @@ class Channel:
 
     def _settings(self, between: str) -> str:
         """The shortest digits that are these numbers, or what records call the file."""
-        return str(self.file or between.join(repr(n).removesuffix(".0") for n in self.settings))
+        return str(self.file or between.join(map(_digits, self.settings)))
 
     def _named(self, links: str) -> str:
         names = {key: name for name, key in NAMED.items()}
         if name := names.get(self.key):
             return name
         settings = self._settings(", ")
-        said = names.get(replace(self, missing="zero", scale=SCALES[0]).key)
+        said = names.get(replace(self, missing="zero", scale=SCALES[0], epsilon=0.0).key)
         if self.kind == LINKS:
             words = {share: word for word, share in WORDS.items()}
             said = words.get(self.settings[0], f"{100 * self.settings[0]:g}%")
             said += links if self.plain else " broken"
-        missing = "" if self.missing == "zero" else f", {self.missing.replace(':', ' ')}"
-        scale = "" if self.scale == SCALES[0] else f", scale {self.scale}"
-        return (said or f"{self.kind} {settings}".strip()) + missing + scale
+        ends = "".join(f", {each.replace(':', ' ')}" for each in self._ends if each)
+        return (said or f"{self.kind} {settings}".strip()) + ends
 
 
 NONE_BROKEN = Channel(LINKS, (0.0,))
@@ -200,6 +217,13 @@ MANY = 5
 def only_links(channels: Iterable[Channel]) -> bool:
     """Whether it is the paper's test: nothing but broken links."""
     return all(each.is_links for each in channels)
+
+
+def played_how(channels: Iterable[Channel]) -> str:
+    """What captions call evaluations through these channels."""
+    if any(each.epsilon for each in channels):
+        return "evaluation after training, greedy where no epsilon stands"
+    return "greedy evaluation after training"
 
 
 def title_of(channels: Iterable[Channel]) -> str:
@@ -234,3 +258,8 @@ def build_channel(channel: Channel, kinds: Mapping[str, type[Any]]) -> Any:
         return kind(*settings)
     except ValueError as error:
         raise DefinitionError(f"channel {channel.key}: {error}") from error
+
+
+def _digits(value: float) -> str:
+    """The shortest digits that are this number."""
+    return repr(value).removesuffix(".0")

@@ -20,7 +20,7 @@ from msgdrop_cli.definition.overrides import (
     described,
     parse_override,
 )
-from msgdrop_cli.definition.readings import as_overrides, under
+from msgdrop_cli.definition.readings import about_explored, as_overrides, explored_in, under
 from msgdrop_cli.definition.registration import registered_as
 from msgdrop_cli.definition.run_id import run_id
 from msgdrop_cli.definition.spec import (
@@ -108,12 +108,13 @@ def plan(
     ]
     check_arms(changes, arms, catalogue)  # when the values are known to be good
     channels = _checked_channels(definition, profile, catalogue)
+    exploring = explored_in(channels, readings)
     _check_distinct(runs, where.at("profiles").at(profile))
     return Plan(
-        definition=definition,
+        definition=about_explored(definition, readings) if exploring else definition,
         profile=called,
         runs=tuple(runs),
-        channels=channels,
+        channels=(*channels, *exploring),
         evaluation_episodes=chosen.evaluation_episodes,
     )
 

@@ -2,12 +2,13 @@
 
 import json
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
+from msgdrop_cli.definition.channel import Channel
 from msgdrop_cli.definition.overrides import SECTIONS, Override
 from msgdrop_cli.definition.shipped import READINGS, shipped_file
-from msgdrop_cli.definition.spec import NAME
+from msgdrop_cli.definition.spec import NAME, Definition
 from msgdrop_cli.definition.strict import Where, convert, read_toml, shown
 from msgdrop_cli.errors import nearest
 
@@ -30,6 +31,8 @@ class Reading:
     """Fields of TrainingSpec."""
     environment: Mapping[str, Any] = field(default_factory=dict)
     """Fields of the environment's Config."""
+    evaluation_epsilon: float = 0.0
+    """Evaluations are played at this epsilon, too, and claims are about these; no run changes."""
 
 
 def all_readings() -> Mapping[str, Reading]:
@@ -53,10 +56,13 @@ def readings_of(environments: Sequence[str]) -> Mapping[str, Reading]:
 def under(profile: str, readings: Sequence[str]) -> str:
     """What a profile is called under some readings: `quick-capture-once`.
 
-    It is the word that runs, tables, figures and verdicts are told apart by.
+    It is the word that runs, tables, figures and verdicts are told apart by; so readings that
+    change no run do not stand in it.
     Raises DefinitionError where it gets too long for a name.
     """
-    called = "-".join((profile, *sorted(readings)))
+    known = all_readings()
+    telling = (name for name in readings if not known[name].evaluation_epsilon)
+    called = "-".join((profile, *sorted(telling)))
     if readings and not NAME.fullmatch(called):
         raise Where(_OPTION).error(f"{shown(called)} is too long for a name; ask under fewer")
     return called
@@ -76,6 +82,23 @@ def apart(called: str, profiles: Iterable[str]) -> tuple[str, tuple[str, ...]]:
         if called.startswith(profile) and not rest:
             return profile, tuple(readings)
     return called, ()
+
+
+def explored_in(channels: tuple[Channel, ...], readings: Sequence[str]) -> tuple[Channel, ...]:
+    """The evaluations that readings ask for of policies that explore; none, as a rule."""
+    epsilons = {all_readings()[name].evaluation_epsilon for name in readings} - {0.0}
+    return tuple(
+        replace(channel, epsilon=epsilon) for epsilon in sorted(epsilons) for channel in channels
+    )
+
+
+def about_explored(definition: Definition, readings: Sequence[str]) -> Definition:
+    """The same question, whose claims are about policies that explore when they are evaluated."""
+    claims = (
+        replace(claim, channel=explored_in((claim.channel,), readings)[0])
+        for claim in definition.claims
+    )
+    return replace(definition, claims=tuple(claims))
 
 
 def as_overrides(names: Sequence[str], environments: Sequence[str]) -> tuple[Override, ...]:

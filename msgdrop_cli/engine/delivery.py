@@ -7,10 +7,10 @@ of as many steps as it may go back are kept. Letters: `P` episodes still in play
 import torch
 from torch import Tensor
 
-from msgdrop_cli.channels import LOST, Arriving, kind_of, others
+from msgdrop_cli.channels import LOST, Arriving, others
 from msgdrop_cli.definition.channel import Channel
 from msgdrop_cli.engine.randomness import Streams
-from msgdrop_cli.engine.scene import check_means_something, scene_of
+from msgdrop_cli.engine.scene import kind_in, scene_of
 from msgdrop_cli.messages.received import Received
 from msgdrop_envs.autoreset import Games
 from msgdrop_envs.protocol import Environment
@@ -35,8 +35,7 @@ class Delivery:
         Raises DefinitionError: there is no such channel, or not in this game.
         """
         self._channel, self._env, self._streams = channel, env, streams
-        self._kind = kind = kind_of(channel)
-        check_means_something(kind, env, f"channel {channel.key}")
+        self._kind = kind = kind_in(channel, env, f"channel {channel.key}")
         self._episodes, self._playing = episodes, torch.arange(episodes, device=streams.device)
         uniforms = streams.uniforms("links", episodes, kind.episode_uniforms(env.agents))
         if lost is not None:

@@ -1,4 +1,4 @@
-"""Greedy episodes of a trained policy, apart from training, through a channel.
+"""Episodes of a trained policy, apart from training, through a channel; greedy, if not asked else.
 
 Every episode is played once by a game of its own and counted whole: nothing favours the short
 ones. Games, starts and the channel's numbers come from evaluation streams of the run's seed, so
@@ -6,6 +6,7 @@ variants with the same seed meet the same episodes, and evaluating more cannot c
 """
 
 from collections.abc import Callable
+from dataclasses import replace
 from itertools import chain
 from pathlib import Path
 from typing import Any
@@ -13,7 +14,6 @@ from typing import Any
 from torch import Tensor
 
 from msgdrop_cli.algorithms.learner import Learner
-from msgdrop_cli.channels import kind_of
 from msgdrop_cli.definition.channel import NONE_BROKEN, Channel
 from msgdrop_cli.definition.spec import MOST_LOG_ROWS
 from msgdrop_cli.engine import arithmetic
@@ -21,9 +21,10 @@ from msgdrop_cli.engine.delivery import Delivery
 from msgdrop_cli.engine.playing import play_episodes
 from msgdrop_cli.engine.policy import read_trained
 from msgdrop_cli.engine.randomness import Streams
-from msgdrop_cli.engine.scene import check_means_something
+from msgdrop_cli.engine.scene import kind_in
 from msgdrop_cli.engine.worst_links import worst_links
 from msgdrop_cli.errors import RecordError
+from msgdrop_cli.ops.exploration import explored
 from msgdrop_cli.records.files import run_lock, write_jsonl_atomic
 from msgdrop_cli.records.store import EPISODES, list_runs
 from msgdrop_envs import autoreset
@@ -31,6 +32,7 @@ from msgdrop_envs.protocol import Environment
 
 BLOCK = 1_000
 """Episodes that are drawn together (paper l. 419): more of them leave those before as they are."""
+_Act = Callable[[autoreset.Games, Tensor], Tensor]
 _APART = 2**40
 """Numbers of each stream that a block may take; none takes a thousandth."""
 
@@ -47,32 +49,31 @@ def evaluate(
     seed: int | None = None,
     watch: Callable[[autoreset.Games, Tensor | None], None] = lambda games, keep: None,
 ) -> list[dict[str, Any]]:
-    """Play `episodes` greedy episodes whose messages go through `channel`, from number `first` on.
+    """Play `episodes` episodes whose messages go through `channel`, at its epsilon (0: greedy).
 
     Returns a row an episode: the channel's entry, episode, steps, finished (it ended by itself),
-    return (summed over agents and steps), and the environment's counts. first: a multiple of BLOCK;
-    those before it were played earlier. `stop` is asked twice a second; if it says so, there are
+    return (summed over agents and steps), and the environment's counts. first: the number to begin with, a
+    multiple of BLOCK: those before it were played earlier. `stop` is asked twice a second; if it says so, there are
     no rows. seed: of other episodes than the run's own. watch: is shown the games before each step,
     and what arrives in it.
     Raises RecordError if the policy cannot be read or does not fit, DefinitionError for a channel
-    that does not exist.
+    that does not exist, or not in this game.
     """
     spec, env, learner = read_trained(run_path, device)
     lost = None
-    if channel != NONE_BROKEN:
-        kind = kind_of(channel)
-        check_means_something(kind, env, f"channel {channel.key}")
-        if found := kind.links_to_find:
-            lost = worst_links(learner.act_greedily, env, spec.seed, found, device)
+    if found := kind_in(channel, env, f"channel {channel.key}").links_to_find:
+        lost = worst_links(learner.act_greedily, env, spec.seed, found, device)
     rows: list[dict[str, Any]] = []
     for start in range(first, episodes, BLOCK):
         count = min(BLOCK, episodes - start)
         seeds = [spec.seed if seed is None else seed]
         streams = Streams(seeds, device, first=start // BLOCK * _APART)
         delivery = None
-        if channel != NONE_BROKEN:
+        if replace(channel, epsilon=0.0) != NONE_BROKEN:
             delivery = Delivery(channel, env, streams, count, lost)
         act = _acting(learner, delivery, watch)
+        if channel.epsilon:
+            act = _exploring(act, channel.epsilon, streams, count, env)
         table = play_episodes(env, act, streams, count, stop)
         if table is None:
             return []
@@ -82,7 +83,7 @@ def evaluate(
 
 def _acting(
     learner: Learner, delivery: Delivery | None, watch: Callable[[autoreset.Games, Any], None]
-) -> Callable[[autoreset.Games, Tensor], Tensor]:
+) -> _Act:
     """What the agents do at each step, hearing what the delivery brings; None: everything."""
 
     def act(games: autoreset.Games, playing: Tensor) -> Tensor:
@@ -95,6 +96,16 @@ def _acting(
         return learner.act_greedily(games.obs, received)
 
     return act
+
+
+def _exploring(act: _Act, epsilon: float, streams: Streams, games: int, env: Environment) -> _Act:
+    """The same, but with this probability any action."""
+
+    def explore(now: autoreset.Games, playing: Tensor) -> Tensor:
+        uniforms = streams.uniforms("epsilon", games, env.agents, 2)[:, playing]
+        return explored(act(now, playing), env.actions, uniforms, epsilon)
+
+    return explore
 
 
 def evaluate_run(

@@ -7,10 +7,10 @@ for evaluation. Letters: `R` runs, `E` games.
 import torch
 from torch import Tensor
 
-from msgdrop_cli.channels import LOST, Kind, kind_of
+from msgdrop_cli.channels import LOST, Kind
 from msgdrop_cli.definition.channel import NONE_BROKEN, Channel
 from msgdrop_cli.engine.randomness import Streams
-from msgdrop_cli.engine.scene import check_means_something, scene_of
+from msgdrop_cli.engine.scene import kind_in, scene_of
 from msgdrop_cli.errors import DefinitionError
 from msgdrop_cli.messages.received import Heard, Received
 from msgdrop_envs.autoreset import Games
@@ -70,14 +70,13 @@ def lost_messages_of(
     channel = Channel.read(text)
     if channel == NONE_BROKEN:
         return None
-    kind = kind_of(channel)
+    kind = kind_in(channel, env, "training.channel")
     size = env.observation_size
     only_loses = kind.oldest == 0 and not kind.message_uniforms(size) and not kind.links_to_find
     if not (only_loses and kind.whole and channel.plain):
         raise DefinitionError(
             f"training.channel: {channel.key} does more than lose messages, which is for eval"
         )
-    check_means_something(kind, env, "training.channel")
     return LostMessages(kind, env, streams, games)
 
 

@@ -17,7 +17,17 @@ from torch import Tensor
 from msgdrop_cli.kernels.build import library
 
 Name = Literal[
-    "init", "explore", "replay", "dropout", "env", "evaluate", "links", "noise", "worst", "losses"
+    "init",
+    "explore",
+    "replay",
+    "dropout",
+    "env",
+    "evaluate",
+    "links",
+    "noise",
+    "worst",
+    "losses",
+    "epsilon",
 ]
 BLOCK = 16_384
 """Numbers made ahead at a time: enough that a draw costs a slice (benchmarks/NOTES.md)."""

@@ -1,19 +1,27 @@
 """What a channel is told of the games, in evaluation and in training."""
 
-from msgdrop_cli.channels import Kind, Scene
+from msgdrop_cli.channels import Kind, Scene, kind_of
+from msgdrop_cli.definition.channel import Channel
 from msgdrop_cli.errors import DefinitionError
 from msgdrop_envs.autoreset import Games
 from msgdrop_envs.protocol import Environment
 
 
-def check_means_something(kind: Kind, env: Environment, channel: str) -> None:
-    """DefinitionError, which names the channel, if this game does not have what it asks for."""
+def kind_in(channel: Channel, env: Environment, said: str) -> Kind:
+    """What the channel does in this game.
+
+    Raises DefinitionError, beginning with `said`, if the game does not have what it asks for.
+    """
+    kind = kind_of(channel)
+    if channel.epsilon and not env.actions:
+        raise DefinitionError(f"{said}: epsilon is for agents that have a choice of actions")
     if kind.needs_positions and not hasattr(env, "places"):
-        raise DefinitionError(f"{channel}: this game does not say where its agents are")
+        raise DefinitionError(f"{said}: this game does not say where its agents are")
     try:
         kind.check(env.agents)
     except ValueError as error:
-        raise DefinitionError(f"{channel}: {error}") from error
+        raise DefinitionError(f"{said}: {error}") from error
+    return kind
 
 
 def scene_of(kind: Kind, env: Environment, games: Games) -> Scene:

@@ -26,8 +26,16 @@ def epsilon_greedy(q: Tensor, uniforms: Tensor, epsilon: float | Tensor) -> Tens
     q: [..., A]; uniforms: [..., 2] in [0, 1): whether to explore, and where; epsilon: a number or
     a tensor []. Returns [...] int64.
     """
-    random = (uniforms[..., 1] * q.shape[-1]).long()
-    return torch.where(uniforms[..., 0] < epsilon, random, q.argmax(-1))
+    return explored(q.argmax(-1), q.shape[-1], uniforms, epsilon)
+
+
+def explored(actions: Tensor, choices: int, uniforms: Tensor, epsilon: float | Tensor) -> Tensor:
+    """A uniformly random one of the choices with probability epsilon, otherwise the action.
+
+    actions: [...] int64; uniforms: [..., 2] as above. Returns [...] int64.
+    """
+    random = (uniforms[..., 1] * choices).long()
+    return torch.where(uniforms[..., 0] < epsilon, random, actions)
 
 
 def normals(uniforms: Tensor) -> Tensor:

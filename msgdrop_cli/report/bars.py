@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from msgdrop_cli.analysis.summary import Group, Summary
-from msgdrop_cli.definition.channel import MANY, Channel, only_links, title_of
+from msgdrop_cli.definition.channel import MANY, Channel, only_links, played_how, title_of
 from msgdrop_cli.report.captions import footer, scale, spread_note
 from msgdrop_cli.report.lettering import LINE, width, wrapped
 from msgdrop_cli.report.looks import shown_arms
@@ -40,7 +40,7 @@ def draw_channels(summary: Summary, group: Group) -> "Figure | None":
         summary,
         group,
         [each.arm for each in shown],
-        f"{metric.label} = {metric.formula}; greedy evaluation after training, "
+        f"{metric.label} = {metric.formula}; {played_how(channels)}, "
         f"the same policies {_through(channels)}. "
         + spread_note({len(row.by_seed) for row in rows}, "bar", "line")
         + " Dots: seeds."

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from msgdrop_cli.analysis.summary import Group, Row, Summary
-from msgdrop_cli.definition.channel import MANY
+from msgdrop_cli.definition.channel import MANY, played_how
 from msgdrop_cli.report.captions import footer, scale
 from msgdrop_cli.report.lettering import width, wrapped
 from msgdrop_cli.report.looks import shown_arms
@@ -40,9 +40,9 @@ def draw_matrix(summary: Summary, group: Group) -> "Figure | None":
         summary,
         group,
         [each.arm for each in shown],
-        f"{metric.label} = {metric.formula} ({better} is better, and darker); greedy evaluation "
-        "after training, the same policies through each channel; mean over seeds, in small "
-        "figures the lowest and the highest seed.",
+        f"{metric.label} = {metric.formula} ({better} is better, and darker); "
+        f"{played_how(channels)}, the same policies through each channel; mean over seeds, in "
+        "small figures the lowest and the highest seed.",
     )
     words = [channel.word for channel in channels]
     names = [wrapped(each.label, _WIDEST, _NAME) for each in shown]

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from msgdrop_cli.analysis.summary import Group, Summary
 from msgdrop_cli.analysis.sweeps import NEVER, Swept
+from msgdrop_cli.definition.channel import played_how
 from msgdrop_cli.definition.sweep import Sweep
 from msgdrop_cli.report.captions import footer, scale
 from msgdrop_cli.report.figures import file_stem, png
@@ -49,8 +50,9 @@ def sweep_table(summary: Summary, group: Group, sweep: Sweep, swept: Sequence[Sw
             "below FDC from [seeds]",
         ),
         rows=tuple(rows),
-        caption=f"{metric.label} = {metric.formula}; {episodes:,} greedy episodes a seed and "
-        "setting. In brackets: the lowest and the highest seed; FDC's is its own seed's.",
+        caption=f"{metric.label} = {metric.formula}; {played_how(sweep.channels)}, {episodes:,} "
+        "episodes a seed and setting. In brackets: the lowest and the highest seed; FDC's is its "
+        "own seed's.",
     )
 
 
@@ -88,7 +90,7 @@ def draw_sweep(summary: Summary, group: Group, sweep: Sweep, swept: Sequence[Swe
         summary,
         group,
         [each.arm for each in swept],
-        f"{metric.label} = {metric.formula}; greedy evaluation after training, the same policies "
+        f"{metric.label} = {metric.formula}; {played_how(sweep.channels)}, the same policies "
         "and games at each setting. Lines: mean over seeds. Dots: seeds. Ticks below: where a "
         "mean falls below FDC's.",
     )

@@ -32,15 +32,14 @@ def check_channels_fit(environments: Mapping[str, Any], channels: Sequence[Chann
     """
     if only_links(channels):
         return
-    from msgdrop_cli.channels import kind_of
-    from msgdrop_cli.engine.scene import check_means_something
+    from msgdrop_cli.engine.scene import kind_in
     from msgdrop_envs import registry
 
     for name, config in environments.items():
         with on_no_device(name):
             env = registry.make(config, "meta")
         for channel in channels:
-            check_means_something(kind_of(channel), env, f"{name}, channel {channel.key}")
+            kind_in(channel, env, f"{name}, channel {channel.key}")
 
 
 def _why_not(environment: Any, learner: str, config: Any) -> str | None:
