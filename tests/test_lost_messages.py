@@ -1,5 +1,6 @@
 """Training through a channel: what is lost is neither heard nor learnt from."""
 
+import json
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -115,7 +116,7 @@ def test_agents_act_by_what_arrives() -> None:
         assert training.lost is not None
         obs, learner = training.games.obs, training.learner
         actions = training.act()
-        assert torch.equal(actions, learner.act_greedily(obs, training.lost.received))
+        assert torch.equal(actions, learner.act_greedily(obs, training.replay.received()))
         differ += int((actions != learner.act_greedily(obs)).sum())
         training.play(actions)
     assert differ > 0
@@ -173,14 +174,19 @@ def test_a_run_through_a_channel_goes_on_bit_for_bit(
 @pytest.mark.parametrize(
     ("channel", "algorithm", "message"),
     [
-        ("delay:2", "dcc", "delay:2 does more than lose messages"),
-        ("noise:1", "dcc", "noise:1 does more than lose messages"),
-        ("own", "dcc", "own does more than lose messages"),
-        ("loss:0.2+hold:3", "dcc", "does more than lose messages"),
+        ("noise:1", "dcc", "noise:1 changes the numbers of messages, which is for eval"),
+        ("loss:0.2+mean", "dcc", "changes the numbers of messages, which is for eval"),
+        ("own", "dcc", "own hands over other messages than the sender's, which is for eval"),
+        ("worst:1", "dcc", "worst:1 needs a trained policy, which is for eval"),
+        ("half+scale:one", "dcc", "says how trained agents act, which is for eval"),
+        ("half+epsilon:0.1", "dcc", "says how trained agents act, which is for eval"),
+        ("constant", "dcc", "hands over messages of 255 and more steps ago, which is for eval"),
+        ("delay:100+hold:155", "dcc", "hands over messages of 255 and more steps ago"),
+        ("silent:7", "dcc", "training.channel: the number of silent agents is at most 6"),
         ("loss:0.2", "maddpg", "these agents hear nobody when they act"),
     ],
 )
-def test_channels_that_do_more_than_lose_are_refused(
+def test_channels_that_do_more_than_tell_ages_are_refused(
     channel: str, algorithm: str, message: str
 ) -> None:
     """Before anything is trained."""
@@ -220,8 +226,30 @@ def test_play_and_restart_are_a_step() -> None:
 
 
 def test_the_channel_of_training_is_typed_like_any_setting(tmp_path: Path) -> None:
-    """Without quotes, as docs/channels.md says."""
+    """Without quotes, or by its own option: one run, as docs/channels.md says."""
     asked = ("train", "--algorithm", "dcc-md", "--env", "pursuit-n6", "--dry-run", "--json")
-    for channel in ("nearest:2", "loss:0.2", "bursts:0.2,4"):
-        said = msgdrop(*asked, "--results", tmp_path, "--set", f"training.channel={channel}")
-        assert said.code == 0, said.err
+    for channel in ("nearest:2", "loss:0.2", "bursts:0.2,4+hold:3", "delay:2"):
+        plans = []
+        for line in (("--set", f"training.channel={channel}"), ("--channel", channel)):
+            said = msgdrop(*asked, "--results", tmp_path, *line)
+            assert said.code == 0, said.err
+            plans.append(json.loads(said.out)["runs"])
+        assert plans[0] == plans[1]
+
+
+@pytest.mark.parametrize(
+    ("line", "message"),
+    [
+        (("noise:1",), "training.channel: noise:1 changes the numbers of messages, which is for"),
+        (("los:1",), "no channel is called 'los'; did you mean 'loss'?"),
+        (("trace:links.csv",), "--channel: "),
+        (("half", "--set", "training.channel=half"), "--set training.channel has an option of its"),
+    ],
+)
+def test_a_channel_that_training_cannot_go_through_is_one_line(
+    line: tuple[str, ...], message: str, tmp_path: Path
+) -> None:
+    """Before anything is trained."""
+    said = msgdrop("train", "--results", tmp_path, "--channel", *line)
+    assert (said.code, said.out, said.err.count("\n")) == (2, "", 1)
+    assert f"msgdrop: error: {message}" in said.err

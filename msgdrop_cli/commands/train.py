@@ -37,6 +37,15 @@ _Algorithm = Annotated[
 _Rate = Annotated[
     str | None, typer.Option(metavar="0.3|30%", help="Share of the messages dropped in training.")
 ]
+_Channel = Annotated[
+    str | None,
+    typer.Option(
+        metavar="KIND:SETTINGS",
+        help="What messages go through in training, if it loses or delays them: loss:0.2, delay:3, "
+        "bursts:0.2,4+hold:5.",
+        autocompletion=completion.channels,
+    ),
+]
 _Steps = Annotated[
     int | None,
     typer.Option(
@@ -55,6 +64,7 @@ _Profile = Annotated[
     cls=settings.ListsSettings,
     epilog=options.examples(
         "train --rate 0.3 --steps 1e6 --seed 3",
+        "train --algorithm dcc --channel delay:2",
         "train --env waterworld-n8 --algorithm ddpg --set algorithm.tau=0.05",
     ),
 )
@@ -62,6 +72,7 @@ def train(
     env: _Env = "pursuit-n6",
     algorithm: _Algorithm = "dcc-md",
     rate: _Rate = None,
+    channel: _Channel = None,
     steps: _Steps = None,
     profile: _Profile = "quick",
     overrides: options.Set = None,
@@ -91,9 +102,13 @@ def train(
     if profile not in _PROFILES:
         known = nearest(profile[:64], _PROFILES)
         raise DefinitionError(f"no profile is called {profile[:64]!r}; {known}")
-    _check_said_once(checked.overrides, {"algorithm.rate": rate, "training.train_env_steps": steps})
+    options_of = {"algorithm.rate": rate, "training.train_env_steps": steps}
+    _check_said_once(checked.overrides, {**options_of, "training.channel": channel})
     if rate is not None:
         override = f"algorithm.rate={words.share(rate, '--rate')}"
+        checked = replace(checked, overrides=(*checked.overrides, override))
+    if channel is not None:
+        override = f"training.channel={_through(channel)}"
         checked = replace(checked, overrides=(*checked.overrides, override))
     if steps is not None and steps < 1:
         raise DefinitionError(f"--steps: expected at least 1, not {steps}")
@@ -105,6 +120,15 @@ def train(
     from msgdrop_cli.commands.parts.carry_out import carry_out  # after the quick checks
 
     return carry_out(definition, checked)
+
+
+def _through(channel: str) -> str:
+    """The key of a channel that there is; whether training can go through it, the engine says."""
+    asked = words.channel(channel, "--channel")
+    if asked.file is not None:
+        raise DefinitionError("--channel: a recorded trace is for eval")
+    options.check_channels([asked])
+    return asked.key
 
 
 def _check_said_once(overrides: Sequence[str], options: Mapping[str, object]) -> None:

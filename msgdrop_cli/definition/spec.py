@@ -44,7 +44,8 @@ class TrainingSpec:
     checkpoint_every_env_steps: int = field(default=100_000, metadata={"cosmetic": True})
     """Env steps between two checkpoints; never changes a result (ours)."""
     channel: str = field(default="links:0", metadata={"later": True})
-    """What messages go through in training, if it only loses some: loss:0.2, nearest:2 (ours)."""
+    """What messages go through in training, if it loses or delays them: loss:0.2, delay:3 (ours).
+    """
 
     def __post_init__(self) -> None:
         try:  # `half` and `links:0.5` are one

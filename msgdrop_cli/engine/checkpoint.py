@@ -274,6 +274,8 @@ def state_of(training: Training, run: int) -> dict[str, Tensor]:
     if training.lost:
         state["lost.state"] = training.lost.state[run]
         state["lost.arrives"] = training.lost.arrives[run]
+        if training.lost.reach:
+            state["lost.waited"] = training.lost.waited[run]
     return state | training.replay.cut_episodes(run)
 
 

@@ -15,7 +15,10 @@ import torch
 from torch import Tensor
 
 from msgdrop_cli.algorithms.hearing import Encoding
+from msgdrop_cli.channels import others
 from msgdrop_cli.engine import pages
+from msgdrop_cli.messages.received import Heard, Received
+from msgdrop_cli.ops.late_messages import rows_said_in, taken, with_late_messages
 from msgdrop_cli.ops.minibatch import Minibatch
 from msgdrop_envs import waiting
 from msgdrop_envs.protocol import Transition
@@ -37,10 +40,15 @@ class Replay:
         action_size: int = 0,
         encoding: Encoding | None = None,
         loses: bool = False,
+        reach: int = 0,
         device: torch.device | str = "cpu",
     ) -> None:
+        """loses: whether a channel loses messages; reach: how old those may be that arrive."""
         self.games, self.agents, self.time_limit = games, agents, time_limit
-        self.slots = max(capacity // games, 1) + 1  # one for the observation still to act on
+        self._sampled = max(capacity // games, 1)
+        """Steps that can be sampled; before them are those whose messages may still arrive."""
+        self._reach = reach
+        self.slots = reach + self._sampled + 1  # one for the observation still to act on
         self._ends = self.slots // time_limit + 2  # rows of cut episodes, for each game
         rows = self.slots * games
         self.added = 0
@@ -56,7 +64,8 @@ class Replay:
             size = (*shape[:3], encoding.width)
             self.messages = pages.zeros(*size, dtype=torch.float32, device=device)
         self.arrives: Tensor | None = None
-        """[R, obs rows, N, N-1] uint8: which messages arrived, where a channel loses some."""
+        """[R, obs rows, N, N-1] uint8, where a channel loses some: 0, no message; else its age + 1.
+        """
         if loses:
             size = (*shape[:3], agents - 1)
             self.arrives = pages.zeros(*size, dtype=torch.uint8, device=device)
@@ -73,14 +82,14 @@ class Replay:
 
     def __len__(self) -> int:
         """Transitions of one run that can be sampled."""
-        return min(self.added, self.slots - 1) * self.games
+        return min(self.added, self._sampled) * self.games
 
     @property
     def held(self) -> int | Tensor:
         """`len(self)`, as a tensor [] where there is a clock."""
         if self.clock is None:
             return len(self)
-        return self.clock.clamp(max=self.slots - 1) * self.games
+        return self.clock.clamp(max=self._sampled) * self.games
 
     def begin(self, obs: Tensor, arrives: Tensor | None = None) -> None:
         """Store what the agents see before their first action, [R, E, N, O], and what arrives."""
@@ -98,8 +107,8 @@ class Replay:
         """Store one step of every game.
 
         actions [R, E, N] or [R, E, N, A]; transition [R, E, ...]; next_obs [R, E, N, O] after any
-        restart. next_arrives, last_arrives: [R, E, N, N-1], which messages arrive then, after any
-        restart and before it.
+        restart. next_arrives, last_arrives: [R, E, N, N-1] as in `arrives`, what arrives then,
+        after any restart and before it.
         """
         now = self.added if self.clock is None else self.clock
         here, there = self._rows(now), self._rows(now + 1)
@@ -125,7 +134,7 @@ class Replay:
     def rows(self, drawn: Tensor) -> Tensor:
         """The rows of the drawn transitions; drawn: integers below len(self), 0 the oldest."""
         now = self.added if self.clock is None else self.clock
-        gone = now - (self.slots - 1)
+        gone = now - self._sampled
         oldest = gone.clamp(min=0) if isinstance(gone, Tensor) else max(gone, 0)
         return (drawn + oldest * self.games) % (self.slots * self.games)
 
@@ -134,7 +143,7 @@ class Replay:
 
         rows: [R, N, B], or [R, B] for all agents at once; shown: [N, 1+S], whom agent i is shown.
         """
-        return Minibatch(
+        drawn = Minibatch(
             obs=self.obs,
             next_row=self.next_row,
             action=self.action,
@@ -145,6 +154,21 @@ class Replay:
             messages=self.messages,
             arrives=self.arrives,
         )
+        return with_late_messages(drawn, self.slots, self.games) if self._reach else drawn
+
+    def received(self) -> Heard:
+        """What arrives of the others' messages where the agents are to act; None: everything."""
+        if self.arrives is None:
+            return None
+        arrives = self.arrives[:, self._rows(self.added)]  # [R, E, N, N-1]
+        if not self._reach:
+            return Received((arrives > 0).float())
+        game = self._game[:, None]  # [E, 1], of N agents
+        row, step = game + self._first(self.added), torch.full_like(game, self.added)
+        rows = rows_said_in(arrives, row, game, step, self.slots, self.games)
+        senders = others(self.agents, rows.device)
+        memory = self.obs if self.messages is None else self.messages
+        return Received((arrives > 0).float(), taken(memory, rows, senders))
 
     def stretch(self, run: int, first: int, last: int) -> dict[str, Tensor]:
         """The steps `first` to `last - 1` of one run, for a checkpoint: [steps, E, ...] each."""

@@ -31,7 +31,7 @@ class Training:
         make = learner_class(spec.algorithm)
         self.learner = make([s.algorithm_config for s in specs], self.env, device)
         self.lost = lost_messages_of(spec.training.channel, self.env, self.streams, self.games_each)
-        """What a channel loses in training; None if there is none."""
+        """What a channel loses or delays in training; None if there is none."""
         if self.lost and not make.listens:
             raise DefinitionError("training.channel: these agents hear nobody when they act")
         self.replay = Replay(
@@ -45,6 +45,7 @@ class Training:
             action_size=self.env.action_size,
             encoding=self.learner.encoding,
             loses=self.lost is not None,
+            reach=self.lost.reach if self.lost else 0,
             device=device,
         )
         self.env_steps = 0
@@ -81,8 +82,7 @@ class Training:
         uniforms = self.streams.uniforms("explore", *shape)
         clock = self.replay.clock
         now = self.env_steps if clock is None else (clock * self.games_each).double()
-        received = self.lost.received if self.lost else None
-        return self.learner.act(self.games.obs, uniforms, now, received)
+        return self.learner.act(self.games.obs, uniforms, now, self.replay.received())
 
     def play(self, actions: Tensor) -> None:
         """Execute the joint actions and store the transitions (l. 207-213)."""
@@ -92,7 +92,8 @@ class Training:
         before, transition = autoreset.play(env, self.games, actions, step)
         self.games = autoreset.restart(env, before, transition, reset)
         if self.lost:
-            last = self.lost.advance(before, self.games, transition.ended)
+            steps = self.replay.added + 1
+            last = self.lost.advance(before, self.games, transition.ended, steps)
             self.replay.add(actions, transition, self.games.obs, self.lost.arrives, last)
         else:
             self.replay.add(actions, transition, self.games.obs)

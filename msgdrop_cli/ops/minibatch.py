@@ -66,7 +66,8 @@ class Minibatch:
     """[R, obs rows, N, M] float32: joint messages; None where observations are the messages."""
 
     arrives: Tensor | None = None
-    """[R, obs rows, N, S] uint8: which messages arrived; None where no channel loses any."""
+    """[R, obs rows, N, all others] uint8: 0 where no message arrived, else 1 more than its age;
+    None where no channel loses any."""
 
     def arrived(self, links: Tensor) -> tuple[Tensor, Tensor]:
         """What arrived with the drawn observations and with the next ones, [G, B, S] float32.
@@ -78,7 +79,7 @@ class Minibatch:
         rows = self._obs_rows() * len(links) + agents  # [R, N, 2B]
         found = self.arrives.flatten(0, 2)[rows]  # [R, N, 2B, all others]
         heard = found.gather(-1, links[:, None].expand(*found.shape[:1], -1, found.shape[2], -1))
-        now, after = heard.float().flatten(0, 1).chunk(2, 1)
+        now, after = (heard > 0).float().flatten(0, 1).chunk(2, 1)
         return now, after
 
     def _obs_rows(self) -> Tensor:
