@@ -18,7 +18,7 @@ from msgdrop_cli.engine.offers import catalogue
 
 CATALOGUE = catalogue()
 NAMES = list_definitions()
-OF_THE_PAPER = [name for name in NAMES if name != "trained-through"]
+OF_THE_PAPER = [name for name in NAMES if name not in ("trained-through", "message-scale")]
 PUBLISHED, SEEDS = Path(__file__).parents[1] / "results" / "published", range(1, 11)
 
 BOTH = ("pursuit-n6", "pursuit-n8")
@@ -160,6 +160,15 @@ def test_trained_through_differs_in_the_channel_of_training_only() -> None:
         assert variant.training == ({"channel": lossy[f"through{how}"]} if how else {})
     assert set(lossy.values()) <= {channel.key for channel in definition.channels}
     assert all("ours" in claim.source for claim in definition.claims)
+
+
+def test_the_scale_is_asked_of_the_runs_of_broken_links() -> None:
+    """So that nothing is trained for it, and each claim is about a scale."""
+    scale, links = (load_definition(name) for name in ("message-scale", "broken-links"))
+    for profile in ("quick", "two-million"):
+        asked, known = (plan(each, profile, CATALOGUE).runs for each in (scale, links))
+        assert [run.run_id for run in asked] == [run.run_id for run in known]
+    assert {claim.channel.scale for claim in scale.claims} == {"one", "delivered"}
 
 
 @pytest.mark.parametrize("name", NAMES)
