@@ -148,6 +148,35 @@ class Broken(Echo):
         raise SystemError("two\n lines")
 
 
+class Leaves(Echo):
+    """It would end the program."""
+
+    def __init__(self) -> None:
+        raise SystemExit("no display")
+
+
+class Stumbles(Echo):
+    """Its second step fails."""
+
+    def step(self, actions: Rows) -> tuple[Rows, Rows, Rows, Rows, Rows]:
+        """Play, once."""
+        assert self.elapsed == 0, "not a second time"
+        return super().step(actions)
+
+
+class Talks(Echo):
+    """It says what it does."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        print("a game is made")
+
+    def step(self, actions: Rows) -> tuple[Rows, Rows, Rows, Rows, Rows]:
+        """Play, and say so."""
+        print("a step")
+        return super().step(actions)
+
+
 def nobody() -> object:
     """No game at all."""
     return object()

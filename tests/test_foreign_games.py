@@ -42,6 +42,8 @@ def test_a_survey_finds_out_what_learners_need() -> None:
         ("Unbounded", "red does numbers without bounds"),
         ("Joining", "'white' is none of its possible_agents"),
         ("Broken", "makes no game: SystemError: two lines"),
+        ("Leaves", "makes no game: SystemExit: no display"),
+        ("Stumbles", "Stumbles: step() fails: AssertionError: not a second time"),
         ("nobody", "gives a object, expected a PettingZoo ParallelEnv"),
         ("nothing", "has no attribute 'nothing'"),
     ],

@@ -1,5 +1,6 @@
 """Runs in games of other people: resumed, refused, evaluated and acted in; the page of the docs."""
 
+import json
 import re
 import shlex
 import sys
@@ -174,3 +175,16 @@ def test_the_page_says_what_happens(tmp_path: Path, monkeypatch: pytest.MonkeyPa
         assert "lamps.make after 800 env steps" in said.out
     [run] = tmp_path.glob("results/runs/*/*")
     exec(loop.replace("RUN", str(run)), {})
+
+
+def test_what_a_game_says_spoils_no_result(tmp_path: Path) -> None:
+    """It goes to stderr, so that `--json` is JSON; a step that fails is one line about the game."""
+    line = ("train", "--algorithm", "dcc", "--steps", "40", "--results", tmp_path, "--workers", "1")
+    said = msgdrop(*line, "--env", "tests.somebodys_game:Talks", "--json")
+    assert said.code == 0, said.err
+    assert json.loads(said.out)["results"]
+    assert "a step" in said.err
+    said = msgdrop(*line, "--env", "tests.somebodys_game:Stumbles")
+    assert (said.code, said.out) == (2, "")
+    assert "tests.somebodys_game:Stumbles: step() fails: AssertionError" in said.err
+    assert "bug in msgdrop" not in said.err

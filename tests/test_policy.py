@@ -132,6 +132,15 @@ def test_what_is_no_observation_is_refused(run: Path, shown: Rows) -> None:
         policy.act(shown[0], np.ones((8, 7)))
     with pytest.raises(ValueError, match="observations are needed of"):
         policy.act({"somebody": shown[0, 0, 0]})
+    for number in (np.nan, np.inf):
+        strange = shown[0, 0].astype(np.float32)
+        strange[2, 1] = number
+        with pytest.raises(ValueError, match="observations must be finite numbers"):
+            policy.act(strange)
+    with pytest.raises(ValueError, match="observations must be finite numbers"):
+        policy.act(shown[0, 0].astype(str))
+    with pytest.raises(ValueError, match="keep must be 0 or 1 for each message"):
+        policy.act(shown[0, 0], np.full((8, 7), 0.5))
 
 
 def test_observations_that_this_game_never_shows_are_not_rounded() -> None:

@@ -76,7 +76,7 @@ class Policy:
         0 and 1 (sender k of agent i is agent k, or k + 1 from i on); None: all.
         Returns int64 [..., N], or float32 [..., N, A]: in [-1, 1], or in the bounds of the game of
         other people that it was trained in. Raises ValueError for other shapes, agents, or numbers
-        that this game does not show.
+        that this game does not show, such as NaN.
         """
         if isinstance(observations, Mapping):
             rows = self._actions(self._rows(observations), keep)
@@ -103,6 +103,8 @@ class Policy:
         arrives = None if keep is None else self._games(keep, "keep", env.agents - 1).float()
         if arrives is not None and len(arrives[0]) != len(obs[0]):
             raise ValueError("keep must have the leading dimensions of observations")
+        if arrives is not None and not ((arrives == 0) | (arrives == 1)).all():
+            raise ValueError("keep must be 0 or 1 for each message")
         with torch.inference_mode():
             received = None if arrives is None else Received(arrives)
             actions = self._learner.act_greedily(shown, received)[0]  # [E, N] or [E, N, A]
@@ -117,6 +119,8 @@ class Policy:
         if numbers.shape[-2:] != (self._env.agents, width):
             expected = f"[..., {self._env.agents}, {width}]"
             raise ValueError(f"{name} must be {expected}, not {list(numbers.shape)}")
+        if numbers.dtype.kind not in "biuf" or not np.isfinite(numbers).all():
+            raise ValueError(f"{name} must be finite numbers")
         return torch.as_tensor(numbers.reshape(1, -1, *numbers.shape[-2:]))
 
 

@@ -9,6 +9,8 @@ import importlib
 import os
 import re
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager, redirect_stdout
 from pathlib import Path
 from typing import Any
 
@@ -49,11 +51,24 @@ def make(factory: str) -> Any:
     here = str(Path.cwd())
     if here not in sys.path:
         sys.path.append(here)
-    try:
+    with theirs(factory, "makes no game"):
         return getattr(importlib.import_module(module), name)()
-    except Exception as error:  # it is other people's code: anything
+
+
+@contextmanager
+def theirs(factory: str, problem: str) -> Iterator[None]:
+    """Other people's code, in the block: what it prints goes where it spoils no result, to stderr.
+
+    Raises GameError, in one line, for whatever it raises, a wish to end the program included.
+    """
+    try:
+        with redirect_stdout(sys.stderr):
+            yield
+    except GameError:
+        raise
+    except (Exception, SystemExit) as error:
         said = " ".join(str(error).split())
-        raise GameError(f"{factory}: makes no game: {type(error).__name__}: {said}") from error
+        raise GameError(f"{factory}: {problem}: {type(error).__name__}: {said}") from error
 
 
 def _allowed() -> list[str]:

@@ -46,8 +46,13 @@ class Live:
     def step(self, actions: Tensor) -> Result:
         """Play one step; actions [N] or [N, A], without those of agents who have left.
 
-        Raises GameError for a truncation before the time limit: memories are laid out for it.
+        Raises GameError for whatever goes wrong there, and for a truncation before the time limit:
+        memories are laid out for it.
         """
+        with factory.theirs(self._config.factory, "step() fails"):
+            return self._step(actions)
+
+    def _step(self, actions: Tensor) -> Result:
         names, playing = self._config.agent_names, set(self._game.agents)
         meant = in_its_units(self._config, actions)
         chosen = {
@@ -67,10 +72,11 @@ class Live:
         return Result(reward, over, cut)
 
     def _begin(self, seed: int) -> None:
-        given = self._game.reset(seed=seed)
-        if not isinstance(given, tuple) or len(given) != 2:
-            raise GameError(f"{self._config.factory}: reset() gives no observations and infos")
-        self._see(given[0])
+        with factory.theirs(self._config.factory, "reset() fails"):
+            given = self._game.reset(seed=seed)
+            if not isinstance(given, tuple) or len(given) != 2:
+                raise GameError(f"{self._config.factory}: reset() gives no observations and infos")
+            self._see(given[0])
         self.seed, self.steps = seed, 0
 
     def _see(self, observations: Any) -> None:

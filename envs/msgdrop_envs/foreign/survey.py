@@ -25,6 +25,14 @@ def survey(name: str) -> Config:
     """
     factory.allow(name)
     game = factory.make(name)
+    with factory.theirs(name, "does not say what it is"):
+        fields = _said(name, game)
+    found = _time_limit(Config(**fields, time_limit=1))
+    return Config(**fields, time_limit=found) if found else Config(**fields)
+
+
+def _said(name: str, game: Any) -> dict[str, Any]:
+    """Fields of Config that the game itself tells."""
     if not all(hasattr(game, each) for each in ("possible_agents", "step", "action_space")):
         raise GameError(f"{name}: gives a {type(game).__name__}, expected a PettingZoo ParallelEnv")
     if hasattr(game, "agent_iter"):
@@ -34,9 +42,7 @@ def survey(name: str) -> Config:
         raise GameError(f"{name}: its possible_agents are none")
     seen = _alike(name, agents, "sees", [_size(name, game, agent) for agent in agents])
     does = _alike(name, agents, "does", [_choices(name, game, agent) for agent in agents])
-    fields = {"factory": name, "agent_names": agents, "observation_size": seen, **does}
-    found = _time_limit(Config(**fields, time_limit=1))
-    return Config(**fields, time_limit=found) if found else Config(**fields)
+    return {"factory": name, "agent_names": agents, "observation_size": seen, **does}
 
 
 def _size(name: str, game: Any, agent: str) -> int:
