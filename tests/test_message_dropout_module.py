@@ -4,6 +4,7 @@ import re
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
 import torch
@@ -94,6 +95,40 @@ def test_types_and_gradients_pass() -> None:
     assert kept.dtype == torch.float16
     kept.sum().backward()
     assert torch.equal(blocks.grad, kept.detach())  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("own", "messages", "keep", "said"),
+    [
+        (torch.ones(5), None, None, r"blocks must be \[\.\.\., 1\+S, M\], not \[5\]"),
+        (torch.ones(2, 0, 5), None, None, r"blocks must be .*, not \[2, 0, 5\]"),
+        (torch.ones(2, 4, 5).long(), None, None, r"own must be floating-point .* torch\.int64"),
+        (torch.ones(2, 5), torch.ones(3, 4, 5), None, r"expected own .*\[2, 5\] and \[3, 4, 5\]"),
+        (torch.ones(2, 5), torch.ones(5), None, r"expected own \[\.\.\., O\] and messages"),
+        (torch.ones(2, 4, 5), None, torch.ones(3, 4, 1), r"keep must be \[2, 4, '1 or M'\], not"),
+        (torch.ones(2, 5), torch.ones(2, 3, 5), torch.ones(2, 3, 1), r"keep must be \[2, 4, "),
+    ],
+)
+def test_tensors_that_do_not_belong_together_are_refused(
+    own: Tensor, messages: Tensor | None, keep: Tensor | None, said: str
+) -> None:
+    """With what was expected, and what was given."""
+    with pytest.raises(ValueError, match=said):
+        MessageDropout()(own, messages, keep=keep)
+
+
+@pytest.mark.parametrize("shape", [(), (3,), (0, 5), (2, -1, 3)])
+def test_a_mask_needs_the_shape_of_blocks(shape: tuple[int, ...]) -> None:
+    """At least own observation and numbers."""
+    with pytest.raises(ValueError, match="a mask needs the shape of blocks"):
+        MessageDropout().mask(*shape)
+
+
+@pytest.mark.parametrize("rate", [float("nan"), "0.2", None, torch.tensor(0.2)])
+def test_a_rate_is_a_number(rate: Any) -> None:
+    """Nothing else."""
+    with pytest.raises(ValueError, match="rate must be between 0 and 1, not "):
+        MessageDropout(rate)
 
 
 def test_what_cannot_be_is_refused() -> None:

@@ -5,6 +5,7 @@ their masks come from streams of their own.
 """
 
 from collections.abc import Sequence
+from numbers import Real
 from typing import Literal, get_args, overload
 
 import torch
@@ -54,7 +55,9 @@ class MessageDropout(nn.Module):
         own: blocks [..., 1+S, M], the own observation first, then S messages; returns them. Or own
         [..., O] alone with messages [..., S, M], where the two are apart; returns both.
         keep: a mask of `mask()` instead of a new one, in training only.
+        Raises ValueError, which says what was expected, for other shapes and for whole numbers.
         """
+        _check_shapes(own, messages, keep)
         if messages is None:
             return _times(own, self._factors(own.shape, own.device, keep))
         senders, width = messages.shape[-2:]
@@ -68,8 +71,11 @@ class MessageDropout(nn.Module):
         """Draw a keep mask for blocks of this shape (..., 1+S, M), 1 = it passes.
 
         For losses that need the same mask twice: DCC-MD's target sees m' through the mask of m
-        (l. 241). Returns [..., 1+S, 1] float32, or [..., 1+S, M] for kind "element".
+        (l. 241). Returns [..., 1+S, 1] float32, or [..., 1+S, M] for kind "element". Raises
+        ValueError for a shape that is none.
         """
+        if len(shape) < 2 or min(shape) < 0 or shape[-2] < 1:
+            raise ValueError(f"a mask needs the shape of blocks (..., 1+S, M), not {shape}")
         return _mask(shape, self.rate, self.kind, self.keeps_own, device)
 
     def extra_repr(self) -> str:
@@ -93,19 +99,36 @@ def message_dropout(
     """Do what `MessageDropout` does, as a function, like `torch.nn.functional.dropout`.
 
     blocks: [..., 1+S, M], the own observation first; returns the same shape and type. Raises
-    ValueError for a rate outside 0 to 1 or an unknown kind.
+    ValueError for a rate outside 0 to 1, an unknown kind, other shapes or whole numbers.
     """
     _check(rate, kind)
+    _check_shapes(blocks)
     if training:
         return _times(blocks, _mask(blocks.shape, rate, kind, keeps_own, blocks.device))
     return _times(blocks, _scale(blocks.shape, rate, keeps_own, blocks.device))
 
 
 def _check(rate: float, kind: str) -> None:
-    if not 0.0 <= rate <= 1.0:
-        raise ValueError(f"rate must be between 0 and 1, not {rate}")
+    if not (isinstance(rate, Real) and 0.0 <= rate <= 1.0):
+        raise ValueError(f"rate must be between 0 and 1, not {rate!r}")
     if kind not in get_args(Kind):
         raise ValueError(f"kind must be one of {', '.join(get_args(Kind))}, not {kind!r}")
+
+
+def _check_shapes(own: Tensor, messages: Tensor | None = None, keep: Tensor | None = None) -> None:
+    """ValueError for tensors that do not belong together."""
+    blocks = own if messages is None else messages
+    for name, part in (("own", own), ("messages", blocks)):
+        if not part.is_floating_point():
+            raise ValueError(f"{name} must be floating-point numbers, not {part.dtype}")
+    if messages is None and (own.dim() < 2 or own.shape[-2] < 1):
+        raise ValueError(f"blocks must be [..., 1+S, M], not {list(own.shape)}")
+    if messages is not None and (messages.dim() < 2 or messages.shape[:-2] != own.shape[:-1]):
+        given = f"{list(own.shape)} and {list(messages.shape)}"
+        raise ValueError(f"expected own [..., O] and messages [..., S, M], not {given}")
+    expected = (*blocks.shape[:-2], blocks.shape[-2] + (messages is not None))
+    if keep is not None and (*keep.shape[:-1],) != expected:
+        raise ValueError(f"keep must be {[*expected, '1 or M']}, not {list(keep.shape)}")
 
 
 def _mask(
