@@ -15,6 +15,7 @@ from msgdrop_cli.engine.randomness import (
     stream_key,
 )
 from msgdrop_cli.kernels.build import library
+from tests.dcc_samples import use_kernel
 
 PUBLISHED = (
     6457827717110365317,
@@ -196,3 +197,21 @@ def test_loaded_numbers_are_the_same_at_the_same_place(before: int) -> None:
     assert len(places) == 1
     assert torch.equal(streams.uniforms("env", 50), plain.uniforms("env", 50))
     assert streams.positions == plain.positions
+
+
+@pytest.mark.parametrize("each", [6, 5])
+@pytest.mark.parametrize("first", [0, 3])
+@pytest.mark.parametrize("kernel", ["", "torch"])
+def test_some_rows_are_those_of_all(
+    each: int, first: int, kernel: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The same numbers, and the same that come next, wherever the stream stands."""
+    use_kernel(kernel, monkeypatch)
+    some, whole = Streams([1, 2]), Streams([1, 2])
+    rows = torch.tensor([7, 0, 4])
+    for streams in (some, whole):
+        streams.uniforms("noise", first)
+    for _ in range(3):
+        expected = whole.uniforms("noise", 9, each)[:, rows]
+        assert torch.equal(some.rows("noise", rows, 9, each), expected)
+    assert torch.equal(some.uniforms("noise", 5), whole.uniforms("noise", 5))

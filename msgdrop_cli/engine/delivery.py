@@ -92,7 +92,7 @@ class Delivery:
         numbers = self._kind.message_uniforms(said.shape[-1])
         if numbers:
             shape = (self._episodes, self._env.agents, numbers)
-            uniforms = self._streams.uniforms("noise", *shape)[0, self._playing]
+            uniforms = self._streams.rows("noise", self._playing, *shape)[0]
             said = self._kind.alter(said.float(), uniforms)
         speaker = self._senders if found.speaker is None else found.speaker[0]
         if self._kind.oldest:

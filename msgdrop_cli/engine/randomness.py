@@ -52,6 +52,21 @@ class Streams:
         """The next float32 numbers in [0, 1), multiples of 2^-24: [R, *shape]."""
         return ((self._draw(name, shape) >> 8) * 2.0**-24).view(len(self._seeds), *shape)
 
+    def rows(self, name: Name, rows: Tensor, of: int, *shape: int) -> Tensor:
+        """Some rows of what `uniforms(name, of, *shape)` gives, [R, len(rows), *shape].
+
+        rows: [any] int64. The others are passed over, as far as whole words are: where most
+        episodes have ended, most numbers are nobody's.
+        """
+        each, position = torch.Size(shape).numel(), self.positions.get(name, 0)
+        if len(rows) == of or each % 2 or position % 2:
+            return self.uniforms(name, of, *shape)[:, rows]
+        self.positions[name] = position + of * each
+        words = position // 2 + rows * (each // 2)
+        keys = (self._key(name) + words * _signed(_WEYL)).view(-1, 1)  # [R * len(rows), 1]
+        bits = splitmix64(keys, 0, each // 2)
+        return ((bits >> 8) * 2.0**-24).view(len(self._seeds), len(rows), *shape)
+
     def integers(self, name: Name, below: int | Tensor, *shape: int) -> Tensor:
         """The next integers on 0 to below - 1 (below < 2^31): [R, *shape] int64.
 
@@ -81,10 +96,14 @@ class Streams:
 
     def _bits(self, name: str, first_word: int, words: int) -> Tensor:
         """32-bit numbers, two from each 64-bit word: [R, 2 * words] int64."""
+        return splitmix64(self._key(name), first_word, words)
+
+    def _key(self, name: str) -> Tensor:
+        """Where a stream begins, [R, 1]."""
         if name not in self._keys:
             keys = [[_signed(stream_key(seed, name))] for seed in self._seeds]
-            self._keys[name] = torch.tensor(keys, device=self.device)  # [R, 1]
-        return splitmix64(self._keys[name], first_word, words)
+            self._keys[name] = torch.tensor(keys, device=self.device)
+        return self._keys[name]
 
 
 def splitmix64(keys: Tensor, first_word: int, words: int) -> Tensor:
