@@ -218,3 +218,16 @@ def test_training_through_a_trace_is_refused() -> None:
     """A run is told by its settings, and these have no file."""
     with pytest.raises(ValueError, match="channel: a recorded trace is for eval"):
         TrainingSpec(channel="trace:links.csv")
+
+
+def test_the_trace_of_the_page_is_one(tmp_path: Path) -> None:
+    """docs/channels.md shows a file that can be played back."""
+    page = (Path(__file__).parents[1] / "docs" / "channels.md").read_text()
+    [shown] = re.findall(r"```\n(# .*?step,receiver.*?)```", page, re.DOTALL)
+    file = tmp_path / "links.csv"
+    file.write_text(shown)
+    found = asked(file).file
+    assert found is not None
+    trace = found.trace()
+    assert (trace.agents, trace.steps) == (6, 2)
+    assert [age for age in trace.ages if age != LOST] == [0, 2]

@@ -52,10 +52,10 @@ def evaluate(
     """Play `episodes` episodes whose messages go through `channel`, at its epsilon (0: greedy).
 
     Returns a row an episode: the channel's entry, episode, steps, finished (it ended by itself),
-    return (summed over agents and steps), and the environment's counts. first: the number to begin with, a
-    multiple of BLOCK: those before it were played earlier. `stop` is asked twice a second; if it says so, there are
-    no rows. seed: of other episodes than the run's own. watch: is shown the games before each step,
-    and what arrives in it.
+    return (summed over agents and steps), and the environment's counts. first: the number to begin
+    with, a multiple of BLOCK; those before it were played earlier. `stop` is asked twice a second;
+    if it says so, there are no rows. seed: of other episodes than the run's own. watch: is shown
+    the games before each step, and what arrives in it.
     Raises RecordError if the policy cannot be read or does not fit, DefinitionError for a channel
     that does not exist, or not in this game.
     """

@@ -1,4 +1,4 @@
-"""docs/scale.md says what the published policies do."""
+"""docs/message-scale.md says what the published policies do."""
 
 from pathlib import Path
 
@@ -14,7 +14,7 @@ POLICIES = {"DCC": "dcc-s1-f7cdd27c", "DCC-MD 0.5": "md-0.5-s1-797a661b"}
 
 def table() -> dict[tuple[str, str], float]:
     """The page's numbers of pursuit, by policy and channel."""
-    text = (ROOT / "docs/scale.md").read_text().splitlines()
+    text = (ROOT / "docs/message-scale.md").read_text().splitlines()
     lines = [line.strip("| ").split(" | ") for line in text if line.startswith("|")]
     _, _, *channels = lines[0]
     rows = [line for line in lines if line[0] == "pursuit-n6"]
