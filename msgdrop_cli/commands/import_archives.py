@@ -9,18 +9,17 @@ from typing import Annotated, NamedTuple
 import typer
 
 from msgdrop_cli.commands.parts import console, options
-from msgdrop_cli.commands.parts.shapes import on_no_device
+from msgdrop_cli.commands.parts.sound import check_logs, check_policy, check_record
 from msgdrop_cli.commands.parts.words import several
 from msgdrop_cli.definition.catalogue import Catalogue
-from msgdrop_cli.definition.run_id import run_id, spec_from_dict
-from msgdrop_cli.definition.spec import RunSpec
+from msgdrop_cli.definition.run_id import spec_from_dict
 from msgdrop_cli.errors import DefinitionError, RecordError
 from msgdrop_cli.records.archive import install, unpack
 from msgdrop_cli.records.files import CANNOT_CREATE, read_bytes
 from msgdrop_cli.records.ours import refuse_links
 from msgdrop_cli.records.packed import log_bytes
 from msgdrop_cli.records.planned import remove_planned
-from msgdrop_cli.records.store import EPISODES, METRICS, POLICY, RUN, RUNS, RunRecord, find_run
+from msgdrop_cli.records.store import METRICS, POLICY, RUNS, RunRecord, find_run
 from msgdrop_cli.signals import scratch_folder
 
 app = typer.Typer()
@@ -73,66 +72,17 @@ def import_archives(
 def _check(record: RunRecord, archive: Path, known: Catalogue) -> None:
     """Refuse (RecordError) what is not a finished run with all that belongs to it."""
     place = f"{record.environment}/{record.path.name}"
+    named = f"{record.variant}-s{record.seed}-{record.run_id}"
     try:
         spec = spec_from_dict(record.spec, known)
-        _check_record(record, spec)
-        _check_logs(record)
-        _check_policy(record, spec)
+        check_record(record, spec)
+        if record.path.name != named:
+            raise RecordError("it stands in another run's place")
+        check_logs(record)
+        check_policy(record, spec)
     except (DefinitionError, RecordError) as error:
         reason = str(error).replace(f"{record.path}/", "")
         raise RecordError(f"{archive}: {place}: {reason}") from error
-
-
-def _check_record(record: RunRecord, spec: RunSpec) -> None:
-    folder = f"{record.variant}-s{record.seed}-{record.run_id}"
-    facts = {
-        f"its status is {record.status}, expected done": record.status == "done",
-        "its run id is not the one of its settings": run_id(spec) == record.run_id,
-        "environment or seed are not those of its settings": (
-            (spec.environment, spec.seed) == (record.environment, record.seed)
-        ),
-        "it has not been trained to its end": (spec.training.train_env_steps <= record.env_steps),
-        "it stands in another run's place": (
-            record.path.parts[-2:] == (record.environment, folder)
-        ),
-    }
-    for problem, is_fine in facts.items():
-        if not is_fine:
-            raise RecordError(problem)
-
-
-def _check_logs(record: RunRecord) -> None:
-    """Tables and curves can be made of it: one log that cannot would cost those of all runs."""
-    from msgdrop_cli.analysis.curves import learning_mean
-    from msgdrop_cli.analysis.metrics import UNKNOWN, metrics_of
-    from msgdrop_cli.analysis.summary import summarise
-
-    metrics = metrics_of(record)
-    if metrics is UNKNOWN:
-        raise RecordError(f"{RUN}: metrics are missing")
-    rows = record.metrics()
-    if not rows or rows[-1]["env_steps"] != record.env_steps:
-        raise RecordError(f"{METRICS}: does not end with env_steps {record.env_steps}")
-    for metric in metrics.all:
-        learning_mean(record, metric.name)
-    played = [[row["episode"] for row in rows] for rows in record.episodes().values()]
-    if not played or any(sorted(each) != [*range(len(each))] for each in played):
-        raise RecordError(f"{EPISODES}: is empty, or an episode is missing or doubled")
-    summarise([record])
-
-
-def _check_policy(record: RunRecord, spec: RunSpec) -> None:
-    """Its tensors have the names and shapes of the run's networks, and are numbers."""
-    from msgdrop_cli.algorithms.discovery import learner_class
-    from msgdrop_cli.engine.tensors import check_finite, copy_into, read_tensors
-    from msgdrop_envs import registry
-
-    weights = read_tensors(record.path / POLICY)
-    check_finite(weights, record.path / POLICY)
-    with on_no_device("its settings"):
-        env = registry.make(spec.environment_config, "meta")
-        learner = learner_class(spec.algorithm)([spec.algorithm_config], env, "meta")
-        copy_into(learner.policy(0), weights, record.path / POLICY)
 
 
 def _places(records: Sequence[RunRecord], results: Path) -> list[_Found]:

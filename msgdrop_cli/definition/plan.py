@@ -12,6 +12,7 @@ from typing import Any
 
 from msgdrop_cli.definition.catalogue import Catalogue
 from msgdrop_cli.definition.channel import NONE_BROKEN, Channel, build_channel
+from msgdrop_cli.definition.judged import judged_by
 from msgdrop_cli.definition.overrides import (
     Override,
     applied,
@@ -59,12 +60,7 @@ class Plan:
     def claims(self) -> tuple[Claim, ...]:
         """The definition's claims that these runs and evaluations can judge."""
         arms = {(run.spec.environment, run.variant) for run in self.runs}
-        return tuple(
-            claim
-            for claim in self.definition.claims
-            if {(claim.environment, claim.better), (claim.environment, claim.worse)} <= arms
-            and (claim.measure == "learning" or claim.channel in self.channels)
-        )
+        return judged_by(self.definition, arms, self.channels)
 
 
 def plan(
