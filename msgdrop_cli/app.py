@@ -27,6 +27,7 @@ from msgdrop_cli.commands import (
     status,
     train,
     unstable_test,
+    verify,
 )
 from msgdrop_cli.commands.parts import console
 from msgdrop_cli.definition.strict import one_line
@@ -53,7 +54,7 @@ app = typer.Typer(
 )
 _COMMANDS = (
     *(ablate, train, eval, unstable_test, plot, status, explain, publish),
-    *(replay, import_archives),
+    *(verify, replay, import_archives),
 )
 for _command in _COMMANDS:
     app.add_typer(_command.app)

@@ -1,6 +1,7 @@
 """Publishing: small copies of finished runs, and nothing else."""
 
 import gzip
+import shutil
 from contextlib import ExitStack
 from pathlib import Path
 
@@ -9,9 +10,13 @@ import pytest
 from msgdrop_cli.commands.parts.play_missing import _copy
 from msgdrop_cli.errors import RecordError
 from msgdrop_cli.records.store import list_runs
+from msgdrop_cli.records.sums import list_sums
 from msgdrop_cli.report.study import publish
 from msgdrop_cli.report.write import Folder
+from tests.cli_runs import msgdrop
 from tests.fake_runs import write_run
+
+PUBLISHED = Path(__file__).parents[1] / "results" / "published"
 
 
 def test_numbers_of_all_and_one_policy_of_each_variant(tmp_path: Path) -> None:
@@ -74,3 +79,32 @@ def test_what_is_played_anew_keeps_its_packed_logs(tmp_path: Path) -> None:
         copy = _copy(record, keep)
         assert copy.path != record.path
         assert (copy.metrics(), copy.episodes()) == (record.metrics(), record.episodes())
+
+
+def test_what_is_published_needs_no_own_runs_to_be_published_again(tmp_path: Path) -> None:
+    """Page, figures and list are made anew of the runs that lie there, which keep their bytes."""
+    study = tmp_path / "waterworld-half-million"
+    shutil.copytree(PUBLISHED / study.name, study)
+    before = {path: path.read_bytes() for path in study.rglob("*") if path.is_file()}
+    (study / "TABLES.md").unlink()
+    (study / "figures" / "old.png").write_bytes(b"of a variant that is gone")
+    list_sums(study)
+    (study / "figures" / "mine.png").write_bytes(b"never published")
+    options = ("--profile", "half-million", "--results", tmp_path / "none", "--to", tmp_path)
+    said = msgdrop("publish", "waterworld", *options)
+    assert said.code == 0, said.err
+    assert not (study / "figures" / "old.png").exists()
+    (study / "figures" / "mine.png").unlink()
+    list_sums(study)
+    assert {path: path.read_bytes() for path in study.rglob("*") if path.is_file()} == before
+
+
+def test_new_runs_join_those_that_are_published(tmp_path: Path) -> None:
+    """Of both is the page; a policy goes along for the lowest seed of all of them."""
+    folder = Folder(tmp_path / "published")
+    publish([write_run(tmp_path / "a", "dcc", 1)], folder)
+    newer = write_run(tmp_path / "b", "dcc", 2)
+    (newer.path / "policy.safetensors").write_bytes(b"weights")
+    copies = publish([newer, *list_runs(folder.root)], folder)
+    assert len(copies) == len(set(copies)) == 2
+    assert not list(folder.root.rglob("policy.safetensors"))

@@ -1,36 +1,75 @@
-"""Finished runs as small records that can be committed: numbers of all, one policy a variant."""
+"""A study: the runs that answer a question, the page of their tables, and their figures.
 
-import os
-import shutil
-from collections.abc import Sequence
+What is published is made here, and made here again when it is verified.
+"""
+
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from tempfile import TemporaryDirectory
+from typing import NamedTuple
 
-from msgdrop_cli.analysis.summary import Summary
+from msgdrop_cli.analysis.claims import judge_claims
+from msgdrop_cli.analysis.summary import Summary, summarise
 from msgdrop_cli.analysis.verdict import Verdict
-from msgdrop_cli.errors import RecordError
-from msgdrop_cli.records.files import CANNOT_WRITE, TEMPORARY, write_json_atomic
-from msgdrop_cli.records.packed import log_bytes, pack, packed_name
-from msgdrop_cli.records.store import EPISODES, METRICS, POLICY, RUN, RunRecord
+from msgdrop_cli.definition.judged import judged_at
+from msgdrop_cli.definition.spec import Definition
+from msgdrop_cli.records.copies import copy_run, with_policy
+from msgdrop_cli.records.references import References
+from msgdrop_cli.records.store import RunRecord
+from msgdrop_cli.report.figures import draw_all
 from msgdrop_cli.report.table import channels_table, claims_table, results_table, to_markdown
-from msgdrop_cli.report.write import Folder
+from msgdrop_cli.report.write import FIGURES, TABLES, Folder, write_atomic
+
+
+class Study(NamedTuple):
+    """What the runs of one question and profile say."""
+
+    summary: Summary
+    page: str
+    """Every table and verdict, as Markdown."""
+
+
+class Written(NamedTuple):
+    """The files that a study is shown by."""
+
+    page: Path
+    figures: list[Path]
+
+
+def study_of(
+    records: Sequence[RunRecord],
+    definition: Definition,
+    profile: str,
+    references: Mapping[str, References],
+) -> Study:
+    """Measure the runs, and judge the claims of their question that this profile can judge.
+
+    profile: as records call it. references: by `game_key`. Raises RecordError for unreadable rows,
+    DefinitionError if the question has no such profile.
+    """
+    claims = judged_at(definition, profile)
+    summary = summarise(records, order=tuple(definition.variants), references=references)
+    return Study(summary, tables(summary, judge_claims(claims, summary, definition)))
+
+
+def write_study(study: Study, folder: Folder) -> Written:
+    """Write the page and draw the figures; RecordError if the folder cannot be written (73, 74)."""
+    page = write_atomic(folder, TABLES, study.page.encode())
+    return Written(page, draw_all(study.summary, folder.at(FIGURES)))
 
 
 def publish(records: Sequence[RunRecord], folder: Folder) -> list[Path]:
     """Copy finished runs below a folder: their numbers, packed, and each lowest seed's policy.
 
-    A run that stands there already is replaced as a whole. Returns the copies' paths.
-    Raises RecordError, damaged (2) or not writable (73, 74), with nothing half-copied.
+    A run that lies in the folder stays as it is. One that stands in the place of a copy replaces it
+    as a whole. Returns the paths in the folder. Raises RecordError, damaged (2) or not writable
+    (73, 74), with nothing half-copied.
     """
-    lowest: dict[tuple[str, str], int] = {}
-    for record in records:
-        arm = (record.environment, record.variant)
-        lowest[arm] = min(record.seed, lowest.get(arm, record.seed))
+    policies = with_policy(records)
     copies = []
     for record in records:
-        with_policy = record.seed == lowest[record.environment, record.variant]
         target = folder.at(record.environment).made() / record.path.name
-        _copy(record, target, with_policy)
+        if record.path != target:
+            copy_run(record, target, policy=record.run_id in policies)
         copies.append(target)
     return copies
 
@@ -45,21 +84,3 @@ def tables(summary: Summary, verdicts: Sequence[Verdict]) -> str:
     if verdicts:
         pages.append(claims_table(verdicts))
     return "\n".join(to_markdown(page) for page in pages)
-
-
-def _copy(record: RunRecord, target: Path, with_policy: bool) -> None:
-    try:
-        with TemporaryDirectory(dir=target.parent, prefix=TEMPORARY) as scratch:
-            copy = Path(scratch) / target.name
-            copy.mkdir()
-            write_json_atomic(copy / RUN, record.run)  # by the names of the question it answers
-            for log in (METRICS, EPISODES):
-                if (content := log_bytes(record.path / log)) is not None:
-                    (copy / packed_name(log)).write_bytes(pack(content))
-            if with_policy and (record.path / POLICY).exists():
-                shutil.copyfile(record.path / POLICY, copy / POLICY)
-            if os.path.lexists(target):
-                target.rename(Path(scratch) / "old")
-            copy.rename(target)
-    except OSError as error:
-        raise RecordError(f"{target}: cannot be written: {error.strerror}", CANNOT_WRITE) from error

@@ -1,0 +1,188 @@
+"""What `verify` finds: published studies made again, and own runs against themselves.
+
+Nothing is written but in a scratch folder, and no code of other people is run.
+"""
+
+from collections.abc import Iterator, Sequence
+from os.path import lexists
+from pathlib import Path
+from typing import NamedTuple
+
+from msgdrop_cli.commands.parts.sound import check_logs, check_policy, check_record
+from msgdrop_cli.commands.parts.words import several
+from msgdrop_cli.definition.load import list_askable, load_definition
+from msgdrop_cli.definition.run_id import spec_from_dict
+from msgdrop_cli.definition.spec import Definition
+from msgdrop_cli.errors import DefinitionError, RecordError
+from msgdrop_cli.records.copies import FILES
+from msgdrop_cli.records.folders import run_folders
+from msgdrop_cli.records.references import REFERENCES, find_references, game_key
+from msgdrop_cli.records.store import POLICY, RunRecord, list_runs
+from msgdrop_cli.records.sums import SUMS, Difference, differences, listed
+from msgdrop_cli.report.compare import difference, is_compared
+from msgdrop_cli.report.study import study_of, write_study
+from msgdrop_cli.report.write import TABLES, Folder
+
+
+class Verified(NamedTuple):
+    """One place that was looked at."""
+
+    place: Path
+    looked_at: str
+    """What was, in words."""
+    differences: tuple[Difference, ...]
+    not_compared: tuple[str, ...] = ()
+    """In words, with the reason."""
+
+
+def verified(root: Path, scratch: Path) -> Iterator[Verified]:
+    """Look through a results folder, or a part of it: study by study, then the other runs.
+
+    A study is a folder that lists its files, or that has a page of tables. scratch: an empty
+    folder. Raises RecordError if there is nothing to look at, or `root` is a part of a study.
+    """
+    for whole in root.resolve().parents:
+        if lexists(whole / SUMS):
+            raise RecordError(
+                f"{root}: is a part of {whole}, which can only be verified as a whole"
+            )
+    found = run_folders(root)
+    studies = sorted({path.parent for name in (SUMS, TABLES) for path in root.rglob(name)})
+    if not studies and not found.runs:
+        raise RecordError(f"{root}: holds nothing of msgdrop that could be verified")
+    for number, folder in enumerate(studies):
+        yield _study(folder, Folder(scratch).at(str(number)))
+    if others := [run for run in found.runs if not set(run.parents) & set(studies)]:
+        yield _others(root, others)
+
+
+def _study(folder: Path, scratch: Folder) -> Verified:
+    """One published folder: its files, its runs, and all that is made of them."""
+    looked_at, not_compared = "", list[str]()
+    try:
+        changed = [*differences(folder)]
+        if lexists(folder / SUMS):
+            looked_at = several(len(listed(folder)), "file")
+        if changed or not (folders := run_folders(folder).runs):
+            return Verified(folder, looked_at, tuple(changed))
+        records = [list_runs(each)[0] for each in folders]
+        looked_at += f", {several(len(records), 'run')}"
+        for record in records:
+            not_compared += _checked(record)
+        made, unmade = _made_again(folder, records, scratch)
+        not_compared += unmade
+        looked_at += f"; {several(len(made), 'file')} of them made again"
+        changed += [*_compared(folder, made)]
+        not_compared += _left_out(folder, made)
+        if made:
+            changed += _strangers(folder, records, {*made, SUMS})
+    except RecordError as error:
+        return Verified(folder, looked_at, (_unreadable(folder, error),))
+    return Verified(folder, looked_at, tuple(changed), tuple(dict.fromkeys(not_compared)))
+
+
+def _made_again(
+    folder: Path, records: Sequence[RunRecord], scratch: Folder
+) -> tuple[dict[str, Path], list[str]]:
+    """What these runs give, by its name in the published folder; or in words why nothing can be."""
+    asked = {(record.definition, record.profile) for record in records}
+    if len(asked) > 1:
+        names = " and ".join("-".join(each) for each in sorted(asked))
+        raise RecordError(f"{folder}: holds runs of {names}; expected those of one question")
+    [(name, profile)] = asked
+    try:
+        question = _question(folder, name)
+        games = {game_key(each.setup.environment) for each in records if each.setup}
+        known = {key: find_references(folder, key) for key in games}
+        references = {key: each for key, each in known.items() if each is not None}
+        written = write_study(study_of(records, question, profile, references), scratch)
+    except DefinitionError as error:
+        return {}, [f"tables and figures ({error})"]
+    root = scratch.made()
+    return {
+        each.relative_to(root).as_posix(): each for each in (written.page, *written.figures)
+    }, []
+
+
+def _question(folder: Path, name: str) -> Definition:
+    """The one that lies beside the runs, or the one that is shipped. Raises DefinitionError."""
+    beside = folder / f"{name}.toml"
+    if beside.is_file() and not beside.is_symlink():
+        return load_definition(str(beside))
+    if name not in list_askable():
+        raise DefinitionError(f"the question {name} is not known here, and no {beside} is there")
+    return load_definition(name)
+
+
+def _checked(record: RunRecord) -> list[str]:
+    """What of a finished run cannot be compared, in words; RecordError if something is wrong."""
+    from msgdrop_cli.engine.offers import catalogue
+
+    check_logs(record)
+    try:
+        spec = spec_from_dict(record.spec, catalogue())
+        check_record(record, spec)
+        if lexists(record.path / POLICY):
+            check_policy(record, spec)
+    except DefinitionError as error:
+        return [f"settings and policy of {record.path.name} ({error})"]
+    return []
+
+
+def _compared(folder: Path, made: dict[str, Path]) -> Iterator[Difference]:
+    for name, file in made.items():
+        if not lexists(folder / name):
+            yield Difference(folder / name, "file", "one", "none")
+        elif (found := difference(file, folder / name)) is not None:
+            yield found
+
+
+def _left_out(folder: Path, made: dict[str, Path]) -> list[str]:
+    """Figures whose bytes say nothing."""
+    others = [
+        name
+        for name, file in made.items()
+        if lexists(folder / name) and not is_compared(file, folder / name)
+    ]
+    why = "other bytes, and not said to be drawn by the matplotlib that is here"
+    return [f"{several(len(others), 'figure')} ({why})"] if others else []
+
+
+def _strangers(folder: Path, records: Sequence[RunRecord], made: set[str]) -> list[Difference]:
+    """Listed files that are neither records nor made of them."""
+    ours = {record.path / name for record in records for name in FILES}
+    ours |= {folder / f"{record.definition}.toml" for record in records}
+    games = {game_key(record.setup.environment) for record in records if record.setup}
+    ours |= {folder / REFERENCES / f"{key}.json" for key in games}
+    return [
+        Difference(folder / name, "file", "none, for no record gives it", "one")
+        for name in listed(folder)
+        if name not in made and folder / name not in ours
+    ]
+
+
+def _others(root: Path, folders: Sequence[Path]) -> Verified:
+    """Runs outside of what is published: nothing lists their files, but they fit each other."""
+    found, not_compared = list[Difference](), list[str]()
+    finished = unfinished = 0
+    for folder in folders:
+        try:
+            [record] = list_runs(folder)
+            if not record.is_own and "published" in folder.parts:
+                found.append(Difference(folder, "run", f"one in a folder with {SUMS}", "it alone"))
+            if record.status != "done":
+                unfinished += 1
+                continue
+            finished += 1
+            not_compared += _checked(record)
+        except RecordError as error:
+            found.append(_unreadable(folder, error))
+    if unfinished:
+        not_compared.append(f"{several(unfinished, 'run')} (not finished)")
+    words = f"{several(finished, 'finished run')}, each against its own record"
+    return Verified(root, words, tuple(found), tuple(not_compared))
+
+
+def _unreadable(folder: Path, error: RecordError) -> Difference:
+    said = str(error).replace(f"{folder}/", "")
+    return Difference(folder, "record", "a sound one", said)

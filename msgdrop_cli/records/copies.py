@@ -1,0 +1,47 @@
+"""Finished runs as small copies that can be committed: numbers of all, one policy a variant."""
+
+import os
+import shutil
+from collections.abc import Sequence
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+from msgdrop_cli.errors import RecordError
+from msgdrop_cli.records.files import CANNOT_WRITE, TEMPORARY, write_json_atomic
+from msgdrop_cli.records.packed import log_bytes, pack, packed_name
+from msgdrop_cli.records.store import EPISODES, METRICS, POLICY, RUN, RunRecord
+
+FILES = (RUN, packed_name(METRICS), packed_name(EPISODES), POLICY)
+"""What may lie in the folder of a copy."""
+
+
+def with_policy(records: Sequence[RunRecord]) -> set[str]:
+    """The ids of the runs whose policy goes along: each variant's lowest seed in each game."""
+    lowest: dict[tuple[str, str], RunRecord] = {}
+    for record in records:
+        arm = (record.environment, record.variant)
+        lowest[arm] = min(record, lowest.get(arm, record), key=lambda each: each.seed)
+    return {record.run_id for record in lowest.values()}
+
+
+def copy_run(record: RunRecord, target: Path, *, policy: bool) -> None:
+    """Copy a run's numbers, packed, and its policy if that is asked for and there.
+
+    What stands at `target` is replaced as a whole. Raises RecordError, damaged (2) or not writable
+    (74), with nothing half-copied.
+    """
+    try:
+        with TemporaryDirectory(dir=target.parent, prefix=TEMPORARY) as scratch:
+            copy = Path(scratch) / target.name
+            copy.mkdir()
+            write_json_atomic(copy / RUN, record.run)  # by the names of the question it answers
+            for log in (METRICS, EPISODES):
+                if (content := log_bytes(record.path / log)) is not None:
+                    (copy / packed_name(log)).write_bytes(pack(content))
+            if policy and (record.path / POLICY).exists():
+                shutil.copyfile(record.path / POLICY, copy / POLICY)
+            if os.path.lexists(target):
+                target.rename(Path(scratch) / "old")
+            copy.rename(target)
+    except OSError as error:
+        raise RecordError(f"{target}: cannot be written: {error.strerror}", CANNOT_WRITE) from error

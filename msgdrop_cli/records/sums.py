@@ -1,0 +1,105 @@
+"""`SHA256SUMS`: every file of a published folder with its digest, as `sha256sum -c` reads it.
+
+What lies in the folder gives one such list, byte for byte; so any other list, any changed, missing
+or added file, and any entry that is no file is found.
+"""
+
+import hashlib
+import os
+import re
+import sys
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import NamedTuple
+
+from msgdrop_cli.definition.strict import one_line
+from msgdrop_cli.errors import RecordError
+from msgdrop_cli.records.files import opened, read_bytes, write_bytes_atomic
+
+SUMS = "SHA256SUMS"
+"""The file in a published folder."""
+_LINE = re.compile(r"([0-9a-f]{64})  ([^\\\r\n]+)")
+"""Other names would have to be escaped; none of ours is like that."""
+
+
+class Difference(NamedTuple):
+    """One thing that is not as it should be."""
+
+    file: Path
+    what: str
+    """What of the file, in a word or two."""
+    expected: str
+    found: str
+
+    def __str__(self) -> str:
+        """File, what, expected and found in one line."""
+        return one_line(f"{self.file}: {self.what}: expected {self.expected}, found {self.found}")
+
+
+def list_sums(folder: Path) -> Path:
+    """Write the list of what lies in a folder now, whole or not at all.
+
+    Raises RecordError: what cannot be listed (2) or written (74).
+    """
+    found = _files(folder)
+    for name, digest in found.items():
+        if not _LINE.fullmatch(f"{digest}  {name}"):
+            raise RecordError(
+                one_line(f"{folder / name}: is no file that can be listed; remove it")
+            )
+    write_bytes_atomic(folder / SUMS, _text(found))
+    return folder / SUMS
+
+
+def listed(folder: Path) -> dict[str, str]:
+    """Digests by name, as the folder's list says; RecordError (2) if there is none to be read."""
+    lines = read_bytes(folder / SUMS).decode(errors="replace").removesuffix("\n").split("\n")
+    sums = {}
+    for number, line in enumerate(lines, start=1):
+        if not (read := _LINE.fullmatch(line)):
+            raise RecordError(one_line(f"{folder / SUMS}: line {number}: is no digest and name"))
+        sums[read[2]] = read[1]
+    return sums
+
+
+def differences(folder: Path) -> Iterator[Difference]:
+    """How a folder differs from its list: changed and missing files, what is not listed, the list.
+
+    Raises RecordError: the list or a file cannot be read (2).
+    """
+    if not os.path.lexists(folder / SUMS):
+        yield Difference(folder / SUMS, "file", "a list of every file", "none")
+        return
+    said, found = listed(folder), _files(folder)
+    for name in sorted({*said, *found}):
+        if name not in found:
+            yield Difference(folder / name, "file", "one", "none")
+        elif name not in said:
+            yield Difference(folder / name, "file", f"none that {SUMS} does not list", "one")
+        elif said[name] != found[name]:
+            yield Difference(folder / name, "SHA-256", said[name], found[name] or "no file")
+    if said == found and read_bytes(folder / SUMS) != _text(found):
+        yield Difference(folder / SUMS, "form", "each file once, sorted, in whole lines", "another")
+
+
+def _text(sums: Mapping[str, str]) -> bytes:
+    return "".join(f"{sums[name]}  {name}\n" for name in sorted(sums)).encode()
+
+
+def _files(folder: Path) -> dict[str, str]:
+    """The digest of everything in a folder but its list, by place; empty for what is no file."""
+    found = {}
+    for place, folders, names in os.walk(folder):
+        here = Path(place)
+        links = [name for name in folders if (here / name).is_symlink()]  # not walked into
+        for path in (here / name for name in (*names, *links)):
+            if path != folder / SUMS:
+                found[path.relative_to(folder).as_posix()] = _digest(path)
+    return found
+
+
+def _digest(path: Path) -> str:
+    if path.is_symlink() or not path.is_file():
+        return ""
+    with opened(path, sys.maxsize) as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()

@@ -1,0 +1,262 @@
+"""`msgdrop verify`: no change goes unnoticed, and what is as it was published is never doubted."""
+
+import gzip
+import json
+import random
+import shutil
+import subprocess
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from msgdrop_cli.records.sums import SUMS, differences, list_sums
+from tests.cli_runs import Store, copied_store, filled_store, msgdrop
+
+PUBLISHED = Path(__file__).parents[1] / "results" / "published"
+STUDIES = sorted(path for path in PUBLISHED.iterdir() if path.is_dir())
+SMALL = "navigation-half-million"
+
+
+@pytest.fixture
+def study(tmp_path: Path) -> Path:
+    """A copy of a published study, to be changed."""
+    return Path(shutil.copytree(PUBLISHED / SMALL, tmp_path / "published" / SMALL))
+
+
+@pytest.fixture(scope="module")
+def store(tmp_path_factory: pytest.TempPathFactory) -> Store:
+    """Four tiny runs of somebody's own question, trained once; tests that change them copy it."""
+    return filled_store(tmp_path_factory.mktemp("verify"))
+
+
+def contents(folder: Path) -> dict[Path, bytes]:
+    """Every file below a folder."""
+    return {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+
+
+@pytest.mark.parametrize("name", [SMALL, "waterworld-half-million"])
+def test_what_is_published_comes_out_again(name: str) -> None:
+    """Digests, runs, page and figure of a study; nothing is written there."""
+    before = contents(PUBLISHED / name)
+    said = msgdrop("verify", PUBLISHED / name)
+    assert (said.code, said.err) == (0, "")
+    assert said.out.startswith(f"same     {PUBLISHED / name}  (")
+    assert contents(PUBLISHED / name) == before
+
+
+@pytest.mark.slow
+def test_all_that_is_published_comes_out_again() -> None:
+    """In the repository's own results folder, as a fresh clone has it."""
+    said = msgdrop("verify", PUBLISHED)
+    assert said.code == 0, said.out
+    assert said.out.count("same  ") == len(STUDIES) >= 5
+
+
+@pytest.mark.parametrize("folder", STUDIES, ids=lambda path: path.name)
+def test_every_published_file_is_listed(folder: Path) -> None:
+    """And is what it was when the list was written."""
+    assert [*differences(folder)] == []
+
+
+def test_coreutils_read_the_list(study: Path) -> None:
+    """Nobody needs msgdrop for the digests."""
+    check = ["sha256sum", "--check", "--strict", "--quiet", SUMS]
+    assert subprocess.run(check, cwd=study, timeout=60).returncode == 0
+    (study / "TABLES.md").write_text("other")
+    assert subprocess.run(check, cwd=study, capture_output=True, timeout=60).returncode == 1
+
+
+def changed_byte(path: Path, chance: random.Random) -> None:
+    """One byte becomes another one."""
+    content = bytearray(path.read_bytes())
+    content[chance.randrange(len(content))] ^= chance.randrange(1, 256)
+    path.write_bytes(content)
+
+
+def added_byte(path: Path, chance: random.Random) -> None:
+    """One byte more, anywhere."""
+    content = bytearray(path.read_bytes())
+    content.insert(chance.randrange(len(content) + 1), chance.randrange(256))
+    path.write_bytes(content)
+
+
+def cut(path: Path, chance: random.Random) -> None:
+    """The file ends early."""
+    path.write_bytes(path.read_bytes()[: chance.randrange(path.stat().st_size)])
+
+
+def removed(path: Path, chance: random.Random) -> None:
+    """It is gone."""
+    path.unlink()
+
+
+def copied(path: Path, chance: random.Random) -> None:
+    """It is there twice."""
+    shutil.copyfile(path, path.with_name(f"{path.name}{chance.randrange(9)}"))
+
+
+def linked(path: Path, chance: random.Random) -> None:
+    """A link with the same content stands in its place."""
+    original = path.rename(path.parents[len(path.parts) % 2] / f"x{chance.randrange(9)}")
+    path.symlink_to(original)
+
+
+CHANGES: list[Callable[[Path, random.Random], None]] = [
+    *(changed_byte, added_byte, cut, removed, copied, linked)
+]
+
+
+@pytest.mark.parametrize("trials", [60, pytest.param(1_000, marks=pytest.mark.slow)])
+def test_every_change_is_found_and_its_file_named(study: Path, trials: int) -> None:
+    """Any byte of any file; half of the changes are of a single byte. Undone, all is well again."""
+    chance = random.Random(trials)
+    before = contents(study)
+    for trial in range(trials):
+        change = changed_byte if trial % 2 else chance.choice(CHANGES)
+        path = chance.choice(sorted(before))
+        change(path, chance)
+        said = msgdrop("verify", study.parent)
+        assert said.code == 65, (change.__name__, path, said)
+        assert f"{path}" in said.err or path.name == SUMS, (change.__name__, said.err)
+        assert "expected" in said.err
+        for each in {*contents(study), *(e for e in study.rglob("*") if e.is_symlink())} - {
+            *before
+        }:
+            each.unlink()
+        for each, content in before.items():
+            each.unlink(missing_ok=True)
+            each.write_bytes(content)
+    assert msgdrop("verify", study.parent).code == 0
+
+
+def test_a_number_that_its_episodes_do_not_give_is_named(study: Path) -> None:
+    """Also where the list was written anew: file, line, what is expected and what was found."""
+    page = study / "TABLES.md"
+    page.write_text(
+        page.read_text().replace("| -91.5 [-91.9, -91.0] |", "| -91.4 [-91.9, -91.0] |")
+    )
+    list_sums(study)
+    said = msgdrop("verify", study)
+    assert said.code == 65
+    assert "1 difference; the first: " in said.err
+    assert f"{page}: line 6: expected '| DCC | 2 | -91.5 [-91.9" in said.err
+    assert "found '| DCC | 2 | -91.4 [-91.9" in said.err
+
+
+def test_a_verdict_that_its_runs_do_not_give_is_named(study: Path) -> None:
+    """A word of the claims' table is no less than a number."""
+    page = study / "TABLES.md"
+    page.write_text(page.read_text().replace("| undecided |", "| supported |", 1))
+    list_sums(study)
+    said = msgdrop("verify", study)
+    assert said.code == 65
+    assert "| undecided |" in said.err.partition("found")[0]
+    assert "| supported |" in said.err.partition("found")[2]
+
+
+def test_other_episodes_give_other_tables(study: Path) -> None:
+    """Raw numbers that were changed before the list was written show in what is made of them."""
+    log = next(study.rglob("fdc-s1-*/episodes.jsonl.gz"))
+    rows = [json.loads(line) for line in gzip.decompress(log.read_bytes()).splitlines()]
+    for row in rows:
+        row["return"] += 1.0
+    log.write_bytes(gzip.compress("".join(json.dumps(row) + "\n" for row in rows).encode()))
+    list_sums(study)
+    said = msgdrop("verify", study, "--json")
+    assert said.code == 65
+    [found] = json.loads(said.out)
+    assert {Path(each["file"]).name for each in found["differences"]} == {"TABLES.md"}
+
+
+def test_another_curve_gives_another_claims_row(study: Path) -> None:
+    """The differences over training are computed again from the windows of the logs."""
+    log = next(study.rglob("dcc-s1-*/metrics.jsonl.gz"))
+    rows = [json.loads(line) for line in gzip.decompress(log.read_bytes()).splitlines()]
+    rows[3]["return_per_episode"] += 5.0
+    log.write_bytes(gzip.compress("".join(json.dumps(row) + "\n" for row in rows).encode()))
+    list_sums(study)
+    said = msgdrop("verify", study)
+    assert said.code == 65
+    assert "1 difference; the first: " in said.err
+    assert said.err.count("over training | ") == 2  # what is expected, and what was found
+
+
+def test_a_record_under_another_id_is_found(study: Path) -> None:
+    """The id is the hash of the settings, whatever the list says."""
+    record = next(study.rglob("dcc-s1-*/run.json"))
+    run = json.loads(record.read_text())
+    run["spec"]["algorithm"]["gamma"] = 0.98
+    record.write_text(json.dumps(run))
+    list_sums(study)
+    said = msgdrop("verify", study)
+    assert said.code == 65
+    assert "its run id is not the one of its settings" in said.err
+
+
+def test_what_no_record_gives_is_found(study: Path) -> None:
+    """A listed file must be a record, or be made of records."""
+    (study / "figures" / "better.png").write_bytes(b"drawn elsewhere")
+    list_sums(study)
+    said = msgdrop("verify", study)
+    assert said.code == 65
+    assert f"{study / 'figures' / 'better.png'}: file: expected none" in said.err
+
+
+def test_published_runs_that_no_list_names_are_found(study: Path) -> None:
+    """Without list and page nobody could say what is missing."""
+    (study / SUMS).unlink()
+    assert f"{study / SUMS}: file: expected a list" in msgdrop("verify", study.parent).err
+    (study / "TABLES.md").unlink()
+    said = msgdrop("verify", study.parent)
+    assert said.code == 65
+    assert f"expected one in a folder with {SUMS}" in said.err
+
+
+def test_a_part_of_a_study_is_no_study(study: Path) -> None:
+    """The line names the whole; and nothing is found in an empty folder."""
+    said = msgdrop("verify", study / "navigation-n8")
+    assert said.code == 2
+    assert f"is a part of {study}" in said.err
+    (study / "empty").mkdir()
+    assert msgdrop("verify", study.parent.parent / "none").code == 2
+
+
+def test_own_runs_are_checked_against_their_records(store: Store, tmp_path: Path) -> None:
+    """What no list names yet: a torn log, a damaged policy, a record in another run's place."""
+    assert msgdrop("verify", store.results).code == 0
+    copy = copied_store(store, tmp_path).results
+    first, second, third, fourth = sorted(path.parent for path in copy.rglob("run.json"))
+    with (first / "metrics.jsonl").open("a") as log:
+        log.write('{"env_steps": 2')
+    (second / "policy.safetensors").write_bytes((second / "policy.safetensors").read_bytes()[:-1])
+    rows = (third / "episodes.jsonl").read_text().splitlines(keepends=True)
+    (third / "episodes.jsonl").write_text("".join(rows[:2] + rows[3:]))
+    fourth.rename(fourth.with_name("md-0.2-s7-01234567"))
+    said = msgdrop("verify", copy, "--json")
+    assert said.code == 65
+    [found] = json.loads(said.out)
+    for difference, words in zip(
+        found["differences"],
+        (
+            "metrics.jsonl: its last line is torn",
+            "policy.safetensors: is damaged",
+            "episodes.jsonl: is empty, or an episode is missing or doubled",
+            "run.json: it stands in another run's place",
+        ),
+        strict=True,
+    ):
+        assert words in difference["found"]
+
+
+def test_a_question_of_ones_own_travels_with_its_runs(store: Store, tmp_path: Path) -> None:
+    """Its tables come out again wherever the folder goes; without its file this is said."""
+    to = tmp_path / "published"
+    said = msgdrop("publish", store.question, "--results", store.results, "--to", to)
+    assert said.code == 0, said.err
+    assert msgdrop("verify", to).code == 0
+    (to / "tiny-quick" / "tiny.toml").unlink()
+    list_sums(to / "tiny-quick")
+    said = msgdrop("verify", to)
+    assert said.code == 0, said.err
+    assert "not compared: tables and figures (the question tiny is not known here" in said.out
