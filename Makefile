@@ -5,6 +5,7 @@
 #   make lint    ruff and mypy
 #   make docs    the site and the man pages, in build/; a warning is an error
 #   make bench   env steps per second, ours and the straightforward implementation's; the floor
+#   make readme  the numbers in README.md and results/README.md again, from the published records
 #   make clean   remove caches and builds      make distclean   remove .venv, too
 # A Python of your choice:  make demo PYTHON=/path/to/python3.12
 
@@ -16,7 +17,7 @@ PIP := $(BIN)/python -m pip --disable-pip-version-check
 SETUP := pyproject.toml constraints.txt
 INSIDE := XDG_CACHE_HOME="$(CURDIR)/.cache" MPLCONFIGDIR="$(CURDIR)/.cache/matplotlib"
 
-.PHONY: demo test lint docs bench clean distclean
+.PHONY: demo test lint docs bench readme clean distclean
 .NOTPARALLEL:
 .DELETE_ON_ERROR:
 
@@ -43,6 +44,9 @@ bench: $(VENV)/demo.stamp
 	$(INSIDE) OMP_NUM_THREADS=1 $(BIN)/python -m benchmarks.throughput
 	$(INSIDE) OMP_NUM_THREADS=1 $(BIN)/python -m benchmarks.roofline
 	$(INSIDE) OMP_NUM_THREADS=1 $(BIN)/python -m benchmarks.workers
+
+readme: $(VENV)/demo.stamp
+	$(INSIDE) $(BIN)/python -m benchmarks.readme
 
 clean:
 	rm -rf build dist .cache .mypy_cache .pytest_cache .ruff_cache

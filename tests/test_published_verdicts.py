@@ -1,45 +1,17 @@
-"""The published records under the registered rule: what README and results/README say of them."""
+"""The published records under the registered rule: right values, which no page gives to itself."""
 
-import re
 from collections import Counter
-from functools import cache
-from pathlib import Path
 
 import pytest
 
-from msgdrop_cli.analysis.claims import judge_claims
-from msgdrop_cli.analysis.summary import Summary, summarise
+from benchmarks.readme.studies import PUBLISHED, study
 from msgdrop_cli.analysis.verdict import Verdict
-from msgdrop_cli.definition.load import load_definition
 from msgdrop_cli.records.store import list_runs
-
-PUBLISHED = Path(__file__).parents[1] / "results" / "published"
-STUDIES = {
-    "blockwise-vs-elementwise-two-million": "blockwise-vs-elementwise",
-    "broken-links-two-million": "broken-links",
-    "navigation-million-nearest": "navigation",
-    "navigation-half-million": "navigation",
-    "waterworld-half-million": "waterworld",
-}
-
-
-@cache
-def study(folder: str) -> Summary:
-    """Its arms, measured."""
-    records = list_runs(PUBLISHED / folder)
-    if folder.startswith("blockwise"):  # shares three of its variants with the other question
-        others = list_runs(PUBLISHED / "broken-links-two-million")
-        records += [record for record in others if record.variant != "md-0.5"]
-    return summarise(records)
 
 
 def verdicts(folder: str, measure: str) -> list[Verdict]:
-    """Of the claims of one study and measure, on the game that was played."""
-    definition = load_definition(STUDIES[folder])
-    summary = study(folder)
-    games = {group.environment for group in summary.groups}
-    claims = [c for c in definition.claims if c.environment in games and c.measure == measure]
-    return judge_claims(claims, summary, definition)
+    """Of the claims of one study and measure."""
+    return [each for each in study(folder).verdicts if each.claim.measure == measure]
 
 
 @pytest.mark.parametrize("folder", ["navigation-half-million", "waterworld-half-million"])
@@ -93,26 +65,3 @@ def test_published_runs_are_from_before_there_was_a_registration() -> None:
     assert {record.registration for record in records} == {None}
     for verdict in verdicts("broken-links-two-million", "evaluation"):
         assert "20 of the runs are from before broken-links:" in verdict.reason
-
-
-def test_the_table_of_what_was_judged_again_is_what_comes_out() -> None:
-    """Every row of results/README: the difference with its interval, p alone, together, by Holm."""
-    table = (PUBLISHED.parent / "README.md").read_text().partition("## Judged again")[2]
-    rows = [line.split(" | ") for line in table.partition("\n## ")[0].splitlines()]
-    typed = [row[1:5] for row in rows if row[0].startswith("| ") and row[-1] != "was |"]
-    found = [
-        [each.difference, *(each.interval or ()), each.evidence]
-        for folder, measure in (
-            ("broken-links-two-million", "evaluation"),
-            ("blockwise-vs-elementwise-two-million", "evaluation"),
-            ("blockwise-vs-elementwise-two-million", "learning"),
-            ("navigation-million-nearest", "learning"),
-            ("navigation-million-nearest", "evaluation"),
-        )
-        for each in verdicts(folder, measure)
-    ]
-    assert len(typed) == len(found) == 28
-    for (difference, *ps), (mean, low, high, evidence) in zip(typed, found, strict=True):
-        numbers = [float(number) for number in re.findall(r"-?[\d.]+", difference)]
-        assert numbers == pytest.approx([mean, low, high], abs=0.0501)
-        assert ps == [f"{p:.2g}" for p in (evidence.p, evidence.p_family, evidence.p_holm)]

@@ -1,0 +1,123 @@
+"""Every claim under the registered rule, and what it was under the rule before."""
+
+from collections.abc import Callable
+
+from benchmarks.readme.studies import (
+    Study,
+    difference,
+    listing,
+    number,
+    ordinal,
+    paragraph,
+    study,
+    table,
+)
+from msgdrop_cli.analysis.verdict import Verdict
+from msgdrop_cli.report.table import NOTHING
+
+LABELS = {
+    **{"fdc": "FDC", "dcc": "DCC", "md-0.2": "DCC-MD 0.2", "md-0.5": "DCC-MD 0.5"},
+    "sd-0.2": "DCC-SD 0.2",
+}
+_SUPPORTED, _OPEN, _NOT_RUN = "supported", "undecided", "not run"
+_WAS = (
+    *([_SUPPORTED] * 8),  # broken links
+    *(_SUPPORTED, *[_OPEN] * 3),  # block-wise against element-wise
+    *([_SUPPORTED] * 4),  # navigation in training, N = 8
+    *([_NOT_RUN] * 4),  # N = 10
+    *(_SUPPORTED, _OPEN, _SUPPORTED, _SUPPORTED),  # navigation after training, N = 8
+    *([_NOT_RUN] * 4),  # N = 10
+)
+"""What the earlier rule said, line by line; with these records it says nothing any more."""
+
+
+def judged_table() -> str:
+    """A line for every claim of the studies of ten seeds."""
+    lines = [*_broken(), *_blockwise(), *_navigation()]
+    return table(
+        ("claim", "difference", "p", "together", "Holm", "now", "was"),
+        [(says, *_cells(verdict), was) for (says, verdict), was in zip(lines, _WAS, strict=True)],
+    )
+
+
+def registered() -> str:
+    """Looks and alpha of the questions, which are alike, and what was known before."""
+    known = [study(name) for name in _STUDIES]
+    [rule] = {(each.registration.looks, each.registration.alpha_spent) for each in known}
+    [seen] = {each.registration.seen for each in known}
+    [now] = {v.evidence.look for each in known for v in each.verdicts if v.evidence}
+    looks, alphas = rule
+    alpha = listing([f"{each:g}" for each in alphas])
+    return paragraph(
+        f"""The verdicts of these studies came from a rule that was too generous: a percentile
+        bootstrap interval that excludes 0 with six seeds, which equal arms give in 14% of the
+        cases. They are judged now as their questions register it
+        ([`docs/verdicts.md`](../docs/verdicts.md)): looks at {listing([*map(str, looks)])} seeds,
+        alpha spent {alpha}, both sides. {number(seen).capitalize()} seeds had been looked at before
+        that, so they are the first look, and its alpha is gone.
+        {number(looks[now - 1]).capitalize()} seeds are the {ordinal(now)} look, which may spend
+        {alphas[now - 1] - alphas[now - 2]:.3f}: seeds {seen + 1} to {looks[now - 1]}, and all
+        {number(looks[now - 1])} of navigation N = 10, were trained before the registration or
+        beside it, and looked at by nobody until it stood. Each p is of a claim alone, then of all
+        claims of its figure (step-down with common flips, Holm); differences with their 95%
+        interval by inverted sign-flips."""
+    )
+
+
+_STUDIES = (
+    *("broken-links-two-million", "blockwise-vs-elementwise-two-million"),
+    "navigation-million-nearest",
+)
+
+
+def _broken() -> list[tuple[str, Verdict]]:
+    found = study("broken-links-two-million")
+    return [(f"{each.claim.channel.short}: {_beats(each)}", each) for each in found.verdicts]
+
+
+def _blockwise() -> list[tuple[str, Verdict]]:
+    found = study("blockwise-vs-elementwise-two-million")
+    after = found.verdict("md-0.2", "sd-0.2")
+    learning = ("md-0.2", "sd-0.2"), ("md-0.2", "dcc"), ("sd-0.2", "dcc")
+    in_training = [found.verdict(*each, measure="learning") for each in learning]
+    return [
+        (f"{_beats(after)} after training", after),
+        ("... in training", in_training[0]),
+        *((_beats(each, "learns faster than"), each) for each in in_training[1:]),
+    ]
+
+
+def _navigation() -> list[tuple[str, Verdict]]:
+    found, lines = study("navigation-million-nearest"), []
+    for measure, when in (("learning", "in"), ("evaluation", "after")):
+        for agents in (8, 10):
+            verdicts = _of(found, f"navigation-n{agents}", measure)
+            place = f"navigation N = {agents}, {when} training:"
+            lines += [
+                (f"{'...' if rank else place} {_beats(verdict)}", verdict)
+                for rank, verdict in enumerate(verdicts)
+            ]
+    return lines
+
+
+def _of(found: Study, environment: str, measure: str) -> list[Verdict]:
+    return [
+        each
+        for each in found.verdicts
+        if (each.claim.environment, each.claim.measure) == (environment, measure)
+    ]
+
+
+def _beats(verdict: Verdict, word: str = "beats") -> str:
+    return f"{LABELS[verdict.claim.better]} {word} {LABELS[verdict.claim.worse]}"
+
+
+def _cells(verdict: Verdict) -> tuple[str, ...]:
+    """Difference, the three p, the word."""
+    evidence = verdict.evidence
+    ps = (evidence.p, evidence.p_family, evidence.p_holm) if evidence else ()
+    words = [f"{p:.2g}" for p in ps] or [NOTHING] * 3
+    return (difference(verdict).text(2), *words, verdict.verdict)
+
+
+BLOCKS: dict[str, Callable[[], str]] = {"registered": registered, "judged-again": judged_table}
