@@ -249,6 +249,15 @@ def test_own_runs_are_checked_against_their_records(store: Store, tmp_path: Path
         assert words in difference["found"]
 
 
+def test_a_run_that_is_not_evaluated_yet_is_no_damage(store: Store, tmp_path: Path) -> None:
+    """Its training is done, and the command that goes on will play: no false alarm."""
+    copy = copied_store(store, tmp_path).results
+    next(copy.rglob("dcc-s1-*/episodes.jsonl")).unlink()
+    said = msgdrop("verify", copy)
+    assert said.code == 0, said.err
+    assert "not compared: evaluation of dcc-s1-" in said.out
+
+
 def test_a_question_of_ones_own_travels_with_its_runs(store: Store, tmp_path: Path) -> None:
     """Its tables come out again wherever the folder goes; without its file this is said."""
     to = tmp_path / "published"
@@ -260,3 +269,8 @@ def test_a_question_of_ones_own_travels_with_its_runs(store: Store, tmp_path: Pa
     said = msgdrop("verify", to)
     assert said.code == 0, said.err
     assert "not compared: tables and figures (the question tiny is not known here" in said.out
+    (to / "tiny-quick" / "tiny.toml").write_text(store.question.read_text().replace("quick", "q"))
+    list_sums(to / "tiny-quick")
+    said = msgdrop("verify", to)
+    assert said.code == 65
+    assert "no profile is called 'quick'" in said.err

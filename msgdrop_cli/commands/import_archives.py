@@ -9,7 +9,12 @@ from typing import Annotated, NamedTuple
 import typer
 
 from msgdrop_cli.commands.parts import console, options
-from msgdrop_cli.commands.parts.sound import check_logs, check_policy, check_record
+from msgdrop_cli.commands.parts.sound import (
+    check_episodes,
+    check_policy,
+    check_record,
+    check_windows,
+)
 from msgdrop_cli.commands.parts.words import several
 from msgdrop_cli.definition.catalogue import Catalogue
 from msgdrop_cli.definition.run_id import spec_from_dict
@@ -78,7 +83,8 @@ def _check(record: RunRecord, archive: Path, known: Catalogue) -> None:
         check_record(record, spec)
         if record.path.name != named:
             raise RecordError("it stands in another run's place")
-        check_logs(record)
+        check_windows(record)
+        check_episodes(record)
         check_policy(record, spec)
     except (DefinitionError, RecordError) as error:
         reason = str(error).replace(f"{record.path}/", "")

@@ -9,6 +9,7 @@ import typer
 
 from msgdrop_cli.commands.parts import console, options
 from msgdrop_cli.commands.parts.words import several
+from msgdrop_cli.definition.strict import one_line
 from msgdrop_cli.errors import RecordError
 from msgdrop_cli.records.sums import Difference
 from msgdrop_cli.signals import scratch_folder
@@ -50,13 +51,14 @@ def verify(results: options.Folder = Path("results"), json: options.Json = False
 def _show(
     place: Path, looked_at: str, wrong: Sequence[Difference], not_compared: Sequence[str]
 ) -> None:
-    console.result(f"{'differs' if wrong else 'same   '}  {place}  ({looked_at})")
-    for each in wrong[:_SHOWN]:
-        console.result(f"         {each}")
+    word = "differs" if wrong else "same"
+    console.result(f"{word:<8} {one_line(str(place))}  ({looked_at})")
+    lines = [str(each).removeprefix(f"{place}/") for each in wrong[:_SHOWN]]
     if len(wrong) > _SHOWN:
-        console.result(f"         and {len(wrong) - _SHOWN:,} more")
-    for words in not_compared:
-        console.result(f"         not compared: {words}")
+        lines.append(f"and {len(wrong) - _SHOWN:,} more")
+    lines += [f"not compared: {words}" for words in not_compared]
+    for line in lines:
+        console.result(f"{'':<8} {one_line(line)}")
 
 
 def _entry(each: Any) -> dict[str, Any]:

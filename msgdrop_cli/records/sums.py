@@ -20,6 +20,7 @@ SUMS = "SHA256SUMS"
 """The file in a published folder."""
 _LINE = re.compile(r"([0-9a-f]{64})  ([^\\\r\n]+)")
 """Other names would have to be escaped; none of ours is like that."""
+_DIGEST = re.compile(r"\b([0-9a-f]{12})[0-9a-f]{52}\b")
 
 
 class Difference(NamedTuple):
@@ -32,8 +33,9 @@ class Difference(NamedTuple):
     found: str
 
     def __str__(self) -> str:
-        """File, what, expected and found in one line."""
-        return one_line(f"{self.file}: {self.what}: expected {self.expected}, found {self.found}")
+        """File, what, expected and found in one line; of digests the first digits."""
+        expected, found = (_DIGEST.sub(r"\1…", each) for each in (self.expected, self.found))
+        return one_line(f"{self.file}: {self.what}: expected {expected}, found {found}")
 
 
 def list_sums(folder: Path) -> Path:

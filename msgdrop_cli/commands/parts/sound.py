@@ -27,27 +27,31 @@ def check_record(record: RunRecord, spec: RunSpec) -> None:
             raise RecordError(f"{record.path / RUN}: {problem}")
 
 
-def check_logs(record: RunRecord) -> None:
-    """RecordError unless the logs are whole, and tables and curves can be made of them.
+def check_windows(record: RunRecord) -> None:
+    """RecordError unless the log of the training is whole, and curves can be drawn of it.
 
     One log that cannot be read would cost those of all runs.
     """
     from msgdrop_cli.analysis.curves import learning_mean
     from msgdrop_cli.analysis.metrics import UNKNOWN, metrics_of
-    from msgdrop_cli.analysis.summary import summarise
 
     metrics = metrics_of(record)
     if metrics is UNKNOWN:
         raise RecordError(f"{record.path / RUN}: metrics are missing")
-    for log in (METRICS, EPISODES):
-        if not (log_bytes(record.path / log) or b"\n").endswith(b"\n"):
-            raise RecordError(f"{log_file(record.path / log)}: its last line is torn")
+    _check_end(record, METRICS)
     rows = record.metrics()
     if not rows or rows[-1]["env_steps"] != record.env_steps:
         file = log_file(record.path / METRICS)
         raise RecordError(f"{file}: does not end with env_steps {record.env_steps}")
     for metric in metrics.all:
         learning_mean(record, metric.name)
+
+
+def check_episodes(record: RunRecord) -> None:
+    """RecordError unless every evaluation is whole, and tables can be made of it."""
+    from msgdrop_cli.analysis.summary import summarise
+
+    _check_end(record, EPISODES)
     played = [[row["episode"] for row in rows] for rows in record.episodes().values()]
     if not played or any(sorted(each) != [*range(len(each))] for each in played):
         file = log_file(record.path / EPISODES)
@@ -67,3 +71,9 @@ def check_policy(record: RunRecord, spec: RunSpec) -> None:
         env = registry.make(spec.environment_config, "meta")
         learner = learner_class(spec.algorithm)([spec.algorithm_config], env, "meta")
         copy_into(learner.policy(0), weights, record.path / POLICY)
+
+
+def _check_end(record: RunRecord, log: str) -> None:
+    """A reader leaves out a torn line; a finished run has none."""
+    if not (log_bytes(record.path / log) or b"\n").endswith(b"\n"):
+        raise RecordError(f"{log_file(record.path / log)}: its last line is torn")

@@ -8,12 +8,17 @@ from os.path import lexists
 from pathlib import Path
 from typing import NamedTuple
 
-from msgdrop_cli.commands.parts.sound import check_logs, check_policy, check_record
+from msgdrop_cli.commands.parts.sound import (
+    check_episodes,
+    check_policy,
+    check_record,
+    check_windows,
+)
 from msgdrop_cli.commands.parts.words import several
 from msgdrop_cli.definition.load import list_askable, load_definition
 from msgdrop_cli.definition.run_id import spec_from_dict
 from msgdrop_cli.definition.spec import Definition
-from msgdrop_cli.errors import DefinitionError, RecordError
+from msgdrop_cli.errors import DefinitionError, MsgdropError, RecordError
 from msgdrop_cli.records.copies import FILES
 from msgdrop_cli.records.folders import run_folders
 from msgdrop_cli.records.references import REFERENCES, find_references, game_key
@@ -71,12 +76,12 @@ def _study(folder: Path, scratch: Folder) -> Verified:
             not_compared += _checked(record)
         made, unmade = _made_again(folder, records, scratch)
         not_compared += unmade
-        looked_at += f"; {several(len(made), 'file')} of them made again"
+        looked_at += f"; {several(len(made), 'file')} made again of them"
         changed += [*_compared(folder, made)]
         not_compared += _left_out(folder, made)
         if made:
             changed += _strangers(folder, records, {*made, SUMS})
-    except RecordError as error:
+    except (DefinitionError, RecordError) as error:
         return Verified(folder, looked_at, (_unreadable(folder, error),))
     return Verified(folder, looked_at, tuple(changed), tuple(dict.fromkeys(not_compared)))
 
@@ -90,35 +95,38 @@ def _made_again(
         names = " and ".join("-".join(each) for each in sorted(asked))
         raise RecordError(f"{folder}: holds runs of {names}; expected those of one question")
     [(name, profile)] = asked
-    try:
-        question = _question(folder, name)
-        games = {game_key(each.setup.environment) for each in records if each.setup}
-        known = {key: find_references(folder, key) for key in games}
-        references = {key: each for key, each in known.items() if each is not None}
-        written = write_study(study_of(records, question, profile, references), scratch)
-    except DefinitionError as error:
-        return {}, [f"tables and figures ({error})"]
+    question = _question(folder, name)
+    if question is None:
+        why = f"the question {name} is not known here, and no {name}.toml lies beside its runs"
+        return {}, [f"tables and figures ({why})"]
+    games = {game_key(each.setup.environment) for each in records if each.setup}
+    known = {key: find_references(folder, key) for key in games}
+    references = {key: each for key, each in known.items() if each is not None}
+    written = write_study(study_of(records, question, profile, references), scratch)
     root = scratch.made()
     return {
         each.relative_to(root).as_posix(): each for each in (written.page, *written.figures)
     }, []
 
 
-def _question(folder: Path, name: str) -> Definition:
-    """The one that lies beside the runs, or the one that is shipped. Raises DefinitionError."""
+def _question(folder: Path, name: str) -> Definition | None:
+    """The one that lies beside the runs, or else the one that is shipped, if there is one.
+
+    Raises DefinitionError if it cannot be read.
+    """
     beside = folder / f"{name}.toml"
     if beside.is_file() and not beside.is_symlink():
         return load_definition(str(beside))
-    if name not in list_askable():
-        raise DefinitionError(f"the question {name} is not known here, and no {beside} is there")
-    return load_definition(name)
+    return load_definition(name) if name in list_askable() else None
 
 
 def _checked(record: RunRecord) -> list[str]:
     """What of a finished run cannot be compared, in words; RecordError if something is wrong."""
     from msgdrop_cli.engine.offers import catalogue
 
-    check_logs(record)
+    check_windows(record)
+    if record.episodes() or not record.is_own:
+        check_episodes(record)
     try:
         spec = spec_from_dict(record.spec, catalogue())
         check_record(record, spec)
@@ -126,7 +134,7 @@ def _checked(record: RunRecord) -> list[str]:
             check_policy(record, spec)
     except DefinitionError as error:
         return [f"settings and policy of {record.path.name} ({error})"]
-    return []
+    return [] if record.episodes() else [f"evaluation of {record.path.name} (not played yet)"]
 
 
 def _compared(folder: Path, made: dict[str, Path]) -> Iterator[Difference]:
@@ -183,6 +191,6 @@ def _others(root: Path, folders: Sequence[Path]) -> Verified:
     return Verified(root, words, tuple(found), tuple(not_compared))
 
 
-def _unreadable(folder: Path, error: RecordError) -> Difference:
+def _unreadable(folder: Path, error: MsgdropError) -> Difference:
     said = str(error).replace(f"{folder}/", "")
     return Difference(folder, "record", "a sound one", said)
