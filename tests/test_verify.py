@@ -206,7 +206,7 @@ def test_what_no_record_gives_is_found(study: Path) -> None:
 def test_published_runs_that_no_list_names_are_found(study: Path) -> None:
     """Without list and page nobody could say what is missing."""
     (study / SUMS).unlink()
-    assert f"{study / SUMS}: file: expected a list" in msgdrop("verify", study.parent).err
+    assert f"{study / SUMS}: file: expected the list" in msgdrop("verify", study.parent).err
     (study / "TABLES.md").unlink()
     said = msgdrop("verify", study.parent)
     assert said.code == 65
@@ -256,6 +256,14 @@ def test_a_run_that_is_not_evaluated_yet_is_no_damage(store: Store, tmp_path: Pa
     said = msgdrop("verify", copy)
     assert said.code == 0, said.err
     assert "not compared: evaluation of dcc-s1-" in said.out
+
+
+def test_a_folder_above_that_happens_to_be_called_published_is_none(
+    store: Store, tmp_path: Path
+) -> None:
+    """Nor must runs that somebody put elsewhere be listed."""
+    results = Path(shutil.copytree(store.results / "runs", tmp_path / "published" / "mine" / "a"))
+    assert msgdrop("verify", results.parent).code == 0
 
 
 def test_a_question_of_ones_own_travels_with_its_runs(store: Store, tmp_path: Path) -> None:

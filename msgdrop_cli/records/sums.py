@@ -70,7 +70,7 @@ def differences(folder: Path) -> Iterator[Difference]:
     Raises RecordError: the list or a file cannot be read (2).
     """
     if not os.path.lexists(folder / SUMS):
-        yield Difference(folder / SUMS, "file", "a list of every file", "none")
+        yield Difference(folder / SUMS, "file", "the list that msgdrop publish writes", "none")
         return
     said, found = listed(folder), _files(folder)
     for name in sorted({*said, *found}):

@@ -21,12 +21,16 @@ from msgdrop_cli.definition.spec import Definition
 from msgdrop_cli.errors import DefinitionError, MsgdropError, RecordError
 from msgdrop_cli.records.copies import FILES
 from msgdrop_cli.records.folders import run_folders
+from msgdrop_cli.records.packed import log_file
 from msgdrop_cli.records.references import REFERENCES, find_references, game_key
-from msgdrop_cli.records.store import POLICY, RunRecord, list_runs
+from msgdrop_cli.records.store import EPISODES, POLICY, RunRecord, list_runs
 from msgdrop_cli.records.sums import SUMS, Difference, differences, listed
 from msgdrop_cli.report.compare import difference, is_compared
 from msgdrop_cli.report.study import study_of, write_study
 from msgdrop_cli.report.write import TABLES, Folder
+
+_PUBLISHED = "published"
+"""The folder of what is published: a run in there belongs to a study."""
 
 
 class Verified(NamedTuple):
@@ -71,12 +75,12 @@ def _study(folder: Path, scratch: Folder) -> Verified:
         if changed or not (folders := run_folders(folder).runs):
             return Verified(folder, looked_at, tuple(changed))
         records = [list_runs(each)[0] for each in folders]
-        looked_at += f", {several(len(records), 'run')}"
         for record in records:
             not_compared += _checked(record)
         made, unmade = _made_again(folder, records, scratch)
         not_compared += unmade
-        looked_at += f"; {several(len(made), 'file')} made again of them"
+        runs = several(len(records), "run")
+        looked_at += f"; {len(made)} of them made again from {runs}"
         changed += [*_compared(folder, made)]
         not_compared += _left_out(folder, made)
         if made:
@@ -125,7 +129,8 @@ def _checked(record: RunRecord) -> list[str]:
     from msgdrop_cli.engine.offers import catalogue
 
     check_windows(record)
-    if record.episodes() or not record.is_own:
+    is_played = lexists(log_file(record.path / EPISODES))
+    if is_played or not record.is_own:
         check_episodes(record)
     try:
         spec = spec_from_dict(record.spec, catalogue())
@@ -134,7 +139,7 @@ def _checked(record: RunRecord) -> list[str]:
             check_policy(record, spec)
     except DefinitionError as error:
         return [f"settings and policy of {record.path.name} ({error})"]
-    return [] if record.episodes() else [f"evaluation of {record.path.name} (not played yet)"]
+    return [] if is_played else [f"evaluation of {record.path.name} (not played yet)"]
 
 
 def _compared(folder: Path, made: dict[str, Path]) -> Iterator[Difference]:
@@ -174,9 +179,10 @@ def _others(root: Path, folders: Sequence[Path]) -> Verified:
     found, not_compared = list[Difference](), list[str]()
     finished = unfinished = 0
     for folder in folders:
+        within = folder.relative_to(root)
         try:
             [record] = list_runs(folder)
-            if not record.is_own and "published" in folder.parts:
+            if not record.is_own and _PUBLISHED in (root.resolve().name, *within.parts):
                 found.append(Difference(folder, "run", f"one in a folder with {SUMS}", "it alone"))
             if record.status != "done":
                 unfinished += 1
