@@ -15,7 +15,7 @@ from msgdrop_cli.analysis.summary import Arm, Group, Summary
 from msgdrop_cli.report.lettering import UNKNOWN, drawable_name
 
 _FAMILIES = (
-    (r"fdc|ddpg", "#8A8A8A", "o"),
+    (r"fdc|ddpg", "#474747", "o"),
     (r"dcc|maddpg", "#0072B2", "s"),
     (r"vanilla-maddpg", "#56B4E9", "d"),
     (r"full-md.*", "#56B4E9", "v"),
