@@ -22,14 +22,14 @@ from msgdrop_cli.analysis.summary import summarise
 from msgdrop_cli.records.store import list_runs
 from msgdrop_cli.report.figures import draw_all
 from msgdrop_cli.report.write import Folder
-draw_all(summarise(list_runs(Path("runs"))), Folder(Path("figures")))
+draw_all(summarise(list_runs(Path("runs"))), Folder(Path("figures")), suffixes=["png"])
 """
 
 
 def drawn(folder: Path) -> bytes:
     """The one figure of a run, drawn in this process."""
     run = write_run(folder, "dcc", 1, label="DCC at 3$ or 4$")
-    [path] = draw_all(summarise([run]), Folder(folder / "figures"))
+    [path] = draw_all(summarise([run]), Folder(folder / "figures"), suffixes=("png",))
     return path.read_bytes()
 
 

@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from matplotlib.figure import Figure
 
 from msgdrop_cli.analysis.claims import judge_claims
 from msgdrop_cli.analysis.summary import summarise
@@ -16,6 +15,7 @@ from msgdrop_cli.definition.spec import Claim
 from msgdrop_cli.errors import RecordError
 from msgdrop_cli.records.store import RunRecord
 from msgdrop_cli.report.bars import draw_channels
+from msgdrop_cli.report.drawn import Drawn
 from msgdrop_cli.report.figures import draw_all, draw_learning
 from msgdrop_cli.report.rates import draw_dropout_rate
 from msgdrop_cli.report.table import (
@@ -30,6 +30,7 @@ from tests.fake_runs import GROUP, write_arm, write_run
 
 BROKEN = {0.0: 8, 0.5: 4, 1.0: 1}
 ELEMENT = {"dropout": "element"}
+PNG = ("png",)
 
 
 def full_study(root: Path) -> list[RunRecord]:
@@ -48,22 +49,24 @@ def full_study(root: Path) -> list[RunRecord]:
 
 
 def test_a_full_study_gives_every_figure(tmp_path: Path) -> None:
-    """Three kinds for one group, as PNG files named after it, and nothing else in the folder."""
+    """Three kinds for one group in four files each, and nothing else in the folder."""
     paths = draw_all(summarise(full_study(tmp_path)), Folder(tmp_path / "figures"))
     assert [path.name for path in paths] == [
-        "pursuit-n6-quick-1000-learning.png",
-        "pursuit-n6-quick-1000-dropout-rate.png",
-        "pursuit-n6-quick-1000-broken-links.png",
+        f"pursuit-n6-quick-1000-{kind}.{suffix}"
+        for kind in ("learning", "dropout-rate", "broken-links")
+        for suffix in ("png", "pdf", "svg", "csv")
     ]
     assert sorted((tmp_path / "figures").iterdir()) == sorted(paths)
-    assert all(path.read_bytes().startswith(b"\x89PNG\r\n") for path in paths)
+    begin = {".png": b"\x89PNG\r\n", ".pdf": b"%PDF-", ".svg": b"<?xml", ".csv": b"environment,"}
+    assert all(path.read_bytes().startswith(begin[path.suffix]) for path in paths)
 
 
 def test_same_records_same_bytes(tmp_path: Path) -> None:
     """Drawing again changes no published file."""
     records = full_study(tmp_path)
     first, second = (
-        draw_all(summarise(records), Folder(tmp_path / name)) for name in ("one", "two")
+        draw_all(summarise(records), Folder(tmp_path / name), suffixes=PNG)
+        for name in ("one", "two")
     )
     assert [path.read_bytes() for path in first] == [path.read_bytes() for path in second]
 
@@ -74,7 +77,7 @@ def test_only_what_the_records_allow_is_drawn(tmp_path: Path) -> None:
         write_run(tmp_path, name, 1, catches={0.0: 3}, algorithm={"rate": rate})
         for name, rate in (("dcc", 0.0), ("md-0.2", 0.2))
     ]
-    paths = draw_all(summarise(records), Folder(tmp_path / "figures"))
+    paths = draw_all(summarise(records), Folder(tmp_path / "figures"), suffixes=PNG)
     assert [path.name for path in paths] == ["pursuit-n6-quick-1000-learning.png"]
 
 
@@ -90,7 +93,7 @@ def test_a_figure_says_what_it_was_made_from(tmp_path: Path, draw: object) -> No
     """Environment, profile, length, seeds, losses, commit, formula and band stand in the footer."""
     records = [*full_study(tmp_path), write_run(tmp_path, "sd-0.2", 1, status="diverged")]
     assert callable(draw)
-    figure = draw(summarise(records), GROUP)
+    figure = draw(summarise(records), GROUP).figure
     footer = " ".join(figure.texts[0].get_text().split())
     for fact in (
         "pursuit-n6 · profile quick · 1,000 env steps a run · seeds 1, 2 · "
@@ -103,11 +106,11 @@ def test_a_figure_says_what_it_was_made_from(tmp_path: Path, draw: object) -> No
 
 def test_fdc_is_a_point_of_its_own(tmp_path: Path) -> None:
     """The end of the rate axis says FDC, not 1, and no line leads to it."""
-    figure = draw_dropout_rate(summarise(full_study(tmp_path)), GROUP)
-    assert figure is not None
-    (axes,) = figure.axes
+    drawn = draw_dropout_rate(summarise(full_study(tmp_path)), GROUP)
+    assert drawn is not None
+    (axes,) = drawn.figure.axes
     assert [tick.get_text() for tick in axes.get_xticklabels()] == ["0", "0.2", "0.5", "FDC"]
-    assert _rates(figure) == [0.0, 0.2, 0.5]
+    assert _rates(drawn) == [0.0, 0.2, 0.5]
 
 
 def test_element_dropout_makes_no_message_curve(tmp_path: Path) -> None:
@@ -126,23 +129,23 @@ def test_other_set_ups_stay_out_of_the_rate_curve(tmp_path: Path) -> None:
         write_run(tmp_path, "sd-0.3", 1, catches=BROKEN, algorithm={"rate": 0.3} | ELEMENT),
         write_run(tmp_path, "md-0.4", 1, catches=BROKEN, algorithm={"rate": 0.4, "gamma": 0.5}),
     ]
-    figure = draw_dropout_rate(summarise(records), GROUP)
-    assert figure is not None
-    assert _rates(figure) == [0.0, 0.2, 0.5]
+    drawn = draw_dropout_rate(summarise(records), GROUP)
+    assert drawn is not None
+    assert _rates(drawn) == [0.0, 0.2, 0.5]
 
 
 def test_a_rate_that_is_no_number_is_no_point(tmp_path: Path) -> None:
     """Somebody else's record is left out of the curve, and is no error."""
     strange = write_run(tmp_path, "strange", 1, catches=BROKEN, algorithm={"rate": "x"})
-    figure = draw_dropout_rate(summarise([*full_study(tmp_path), strange]), GROUP)
-    assert figure is not None
-    assert _rates(figure) == [0.0, 0.2, 0.5]
+    drawn = draw_dropout_rate(summarise([*full_study(tmp_path), strange]), GROUP)
+    assert drawn is not None
+    assert _rates(drawn) == [0.0, 0.2, 0.5]
 
 
 def test_a_full_disk_leaves_the_old_figure(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A write that fails is exit code 74, with the old file intact and nothing temporary left."""
     records, out = full_study(tmp_path), tmp_path / "figures"
-    paths = draw_all(summarise(records), Folder(out))
+    paths = draw_all(summarise(records), Folder(out), suffixes=PNG)
     old = paths[0].read_bytes()
 
     def full(descriptor: int) -> None:
@@ -150,7 +153,7 @@ def test_a_full_disk_leaves_the_old_figure(tmp_path: Path, monkeypatch: pytest.M
 
     monkeypatch.setattr("os.fsync", full)
     with pytest.raises(RecordError, match="No space left") as caught:
-        draw_all(summarise(records[:2]), Folder(out))
+        draw_all(summarise(records[:2]), Folder(out), suffixes=PNG)
     assert caught.value.exit_code == 74
     assert paths[0].read_bytes() == old
     assert sorted(out.iterdir()) == sorted(paths)
@@ -159,10 +162,10 @@ def test_a_full_disk_leaves_the_old_figure(tmp_path: Path, monkeypatch: pytest.M
 def test_a_reader_never_sees_half_a_figure(tmp_path: Path) -> None:
     """Who has the old file open goes on reading the old one."""
     records, out = full_study(tmp_path), tmp_path / "figures"
-    path = draw_all(summarise(records), Folder(out))[0]
+    path = draw_all(summarise(records), Folder(out), suffixes=PNG)[0]
     old = path.read_bytes()
     with path.open("rb") as reader:
-        draw_all(summarise(records[:2]), Folder(out))
+        draw_all(summarise(records[:2]), Folder(out), suffixes=PNG)
         assert reader.read() == old
     assert path.read_bytes() != old
 
@@ -255,7 +258,7 @@ def test_markdown() -> None:
     )
 
 
-def _rates(figure: Figure) -> list[float]:
+def _rates(drawn: Drawn) -> list[float]:
     """Where the line of the rate figure has its points."""
-    rates: list[float] = np.asarray(figure.axes[0].lines[0].get_xdata()).tolist()
+    rates: list[float] = np.asarray(drawn.figure.axes[0].lines[0].get_xdata()).tolist()
     return rates

@@ -65,7 +65,7 @@ def test_tables_end_with_the_reference_policies(tmp_path: Path) -> None:
 def test_figures_draw_what_is_near_and_tell_what_is_far(tmp_path: Path, draw: object) -> None:
     """A dotted line at 0.5 beside its name; 62 would flatten the curves and stands below."""
     assert callable(draw)
-    figure = draw(summary(tmp_path), GROUP)
+    figure = draw(summary(tmp_path), GROUP).figure
     axes = figure.axes[0]
     dotted = [line for line in axes.lines if list(line.get_ydata()) == [0.5, 0.5]]
     assert len(dotted) == 1

@@ -34,5 +34,7 @@ def plot(results: options.Folder = Path("results"), json: options.Json = False) 
     if not paths:
         raise DefinitionError(f"{results}: no run is finished yet, so there is nothing to draw")
     for path in paths:
-        console.result(str(path))
+        if path.suffix == ".png":
+            console.result(str(path))
+    console.note("beside each: .pdf and .svg for print, .csv with the numbers in it")
     return 0

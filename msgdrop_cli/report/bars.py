@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 from msgdrop_cli.analysis.summary import Group, Summary
 from msgdrop_cli.definition.channel import MANY, Channel, only_links, played_how, title_of
 from msgdrop_cli.report.captions import footer, scale, spread_note
+from msgdrop_cli.report.drawn import Drawn, channel_rows, line_rows, spread_columns
 from msgdrop_cli.report.lettering import LINE, width, wrapped
 from msgdrop_cli.report.looks import shown_arms
 from msgdrop_cli.report.marks import label_ends, measure_axis, spread_marks
@@ -14,19 +15,18 @@ from msgdrop_cli.report.style import AXES, INK, QUIET, Size, canvas, tint
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 _BETWEEN = 0.9
 """Between the bars of two variants, in bars."""
-_NAME, _TICK = 9.5, 8.0
+_NAME, _TICK = 8.5, 7.5
 """Sizes of a variant's name and of the channels below its bars, in points."""
 _NARROWEST, _ROOM = 1.15, 0.1
 """A longer name has at least this many inches a line, and so many to the next name."""
-_PER_BAR, _BESIDE = 0.47, 1.75
+_PER_BAR, _BESIDE = 0.42, 1.75
 """Inches of a figure for each bar, and of them what lies beside the axes."""
 
 
-def draw_channels(summary: Summary, group: Group) -> "Figure | None":
+def draw_channels(summary: Summary, group: Group) -> Drawn | None:
     """The headline of each variant through each evaluated channel, as bars side by side."""
     metric = summary.metrics(group.environment).headline
     shown = [each for each in shown_arms(summary, group) if each.arm.rows]
@@ -75,7 +75,13 @@ def draw_channels(summary: Summary, group: Group) -> "Figure | None":
     measure_axis(axes, metric, values)
     lines.draw(axes)
     label_ends(axes, lines.ends)
-    return figure
+    return Drawn(
+        figure=figure,
+        group=group,
+        arms=[each.arm for each in shown],
+        columns=spread_columns("channel"),
+        rows=[*channel_rows(shown, metric.name), *line_rows(lines.shown.items(), 1)],
+    )
 
 
 def _through(channels: Sequence[Channel]) -> str:
@@ -103,7 +109,7 @@ def _name_below(axes: "Axes", place: float, lines: Sequence[str]) -> None:
         "\n".join(lines),
         (place, 0),
         xycoords=("data", "axes fraction"),
-        xytext=(0, -20),
+        xytext=(0, -18),
         textcoords="offset points",
         ha="center",
         va="top",

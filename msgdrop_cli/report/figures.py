@@ -1,63 +1,76 @@
-"""Every figure that the records in a folder allow, as PNG; nothing global, nothing on a screen.
+"""Every figure that the records in a folder allow; nothing global, nothing on a screen.
 
-Each one states below itself what it was made from. Colours and axes are `style`'s business.
+Each one states below itself what it was made from. Colours and axes are `style`'s business, files
+are `drawn`'s.
 """
 
-import io
 import re
+from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from msgdrop_cli.analysis.curves import SMOOTHING_SHARE, Curve, learning_curve
+from msgdrop_cli.analysis.differences import pairs_of, shipped_claims
 from msgdrop_cli.analysis.summary import Group, Summary
+from msgdrop_cli.definition.spec import Claim
 from msgdrop_cli.report.bars import draw_channels
 from msgdrop_cli.report.captions import footer, scale, spread_note
+from msgdrop_cli.report.differences import draw_differences
+from msgdrop_cli.report.drawn import SUFFIXES, Drawn, curve_rows
+from msgdrop_cli.report.learning_differences import draw_learning_differences
 from msgdrop_cli.report.looks import Look, Shown, shown_arms
-from msgdrop_cli.report.marks import end, label_ends, measure_axis
+from msgdrop_cli.report.marks import end, env_steps_axis, label_ends, measure_axis
 from msgdrop_cli.report.matrix import draw_matrix
 from msgdrop_cli.report.rates import draw_dropout_rate
 from msgdrop_cli.report.reference_lines import reference_lines
 from msgdrop_cli.report.settings import own_settings
-from msgdrop_cli.report.style import AXES, DPI, INK, Size, canvas
-from msgdrop_cli.report.write import Folder, write_atomic
+from msgdrop_cli.report.style import AXES, Size, canvas
+from msgdrop_cli.report.write import Folder
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
-_WIDTH, _RIGHT = 5.0, 1.75
+_WIDTH, _RIGHT = AXES.width - 0.65, 1.65
 """Inches of the axes of learning curves, and beside them, where the names stand."""
 _MARKS = 7
 """Marks on a curve, about, so that it is known in grey, too."""
-_PAPER = 0.08
-"""Inches left free around whatever stands outside of the usual margins."""
-_MOST_PIXELS = 30_000
-"""In width or height; a figure that would be larger is drawn more coarsely."""
 
 
-def draw_all(summary: Summary, folder: Folder) -> list[Path]:
+def draw_all(
+    summary: Summary,
+    folder: Folder,
+    claims: Sequence[Claim] | None = None,
+    suffixes: Sequence[str] = SUFFIXES,
+) -> list[Path]:
     """Draw what the done runs allow; the files are `<environment>-<profile>-<steps>-<kind>.png`.
 
+    Beside each lie the same as .pdf and .svg, and its numbers as .csv, or what `suffixes` asks for.
+    claims: whose differences are drawn; None: those of the shipped questions that these runs were
+    trained for. Returns the paths, figure by figure.
     Raises RecordError: rows that cannot be read, a folder that cannot be written (73, 74).
     """
-    kinds = {
-        "learning": draw_learning,
-        "dropout-rate": draw_dropout_rate,
-        "broken-links": draw_channels,
-        "matrix": draw_matrix,
-    }
+    claims = shipped_claims(summary) if claims is None else claims
     paths = []
     with own_settings():
         for group in summary.groups:
+            pairs = pairs_of(summary, group, claims)
+            kinds: dict[str, Callable[[Summary, Group], Drawn | None]] = {
+                "learning": draw_learning,
+                "learning-differences": partial(draw_learning_differences, pairs=pairs),
+                "dropout-rate": draw_dropout_rate,
+                "broken-links": draw_channels,
+                "matrix": draw_matrix,
+                "differences": partial(draw_differences, pairs=pairs),
+            }
             for kind, draw in kinds.items():
-                figure = draw(summary, group)
-                if figure is not None:
-                    name = f"{file_stem(group)}-{kind}.png"
-                    paths.append(write_atomic(folder, name, png(figure)))
+                drawn = draw(summary, group)
+                if drawn is not None:
+                    paths += drawn.write(folder, f"{file_stem(group)}-{kind}", suffixes)
     return paths
 
 
-def draw_learning(summary: Summary, group: Group) -> "Figure | None":
+def draw_learning(summary: Summary, group: Group) -> Drawn | None:
     """The headline while training: each variant's mean over seeds, its band, its name beside."""
     metric = summary.metrics(group.environment).headline
     curves: list[tuple[Shown, Curve]] = []
@@ -86,11 +99,20 @@ def draw_learning(summary: Summary, group: Group) -> "Figure | None":
     figure, axes = canvas(f"Learning, {scale(group)}", below, size=size, right=_RIGHT)
     for rank, (each, curve) in enumerate(curves):
         _draw_curve(axes, curve, each.look, rank / len(curves), shade=_shade(len(curves)))
-    _env_steps_axis(axes, group.train_env_steps)
+    env_steps_axis(axes, group.train_env_steps)
     measure_axis(axes, metric, values)
     lines.draw(axes)
     label_ends(axes, ends)
-    return figure
+    return Drawn(
+        figure=figure,
+        group=group,
+        arms=[each.arm for each, _ in curves],
+        columns=("variant", "label", "env_steps", "value", "low", "high"),
+        rows=[
+            *((a.arm.variant, a.label, *row) for a, curve in curves for row in curve_rows(curve)),
+            *((None, label, None, height, None, None) for label, height in lines.shown.items()),
+        ],
+    )
 
 
 def _shade(curves: int) -> float:
@@ -106,7 +128,7 @@ def _draw_curve(axes: "Axes", curve: Curve, look: Look, phase: float, *, shade: 
         curve.mean,
         color=look.colour,
         linestyle=look.line,
-        linewidth=1.8,
+        linewidth=1.6,
         marker=look.marker,
         markevery=(int(phase * every), every),
         markersize=5.0,
@@ -118,33 +140,7 @@ def _draw_curve(axes: "Axes", curve: Curve, look: Look, phase: float, *, shade: 
         axes.fill_between(curve.env_steps, low, high, color=look.colour, alpha=shade, linewidth=0)
 
 
-def _env_steps_axis(axes: "Axes", steps: int) -> None:
-    unit, word = (1e6, "million ") if steps >= 1_000_000 else (1e3, "thousand ")
-    axes.set_xlim(0, steps)
-    axes.xaxis.set_major_formatter(lambda value, _: f"{value / unit:g}")
-    axes.set_xlabel(f"{word}env steps", fontsize=9.5, color=INK)
-
-
 def file_stem(group: Group) -> str:
     """How the names of a group's files begin."""
     words = (group.environment, group.profile, str(group.train_env_steps))
     return "-".join(re.sub(r"[^A-Za-z0-9._-]", "_", word) for word in words).lstrip(".")
-
-
-def png(figure: "Figure") -> bytes:
-    """The figure on its paper, or on as much more as long names or large numbers ask for."""
-    from matplotlib.transforms import Bbox
-
-    usual = figure.bbox_inches
-    whole = Bbox.union([usual, figure.get_tightbbox().padded(_PAPER)])
-    larger = whole.width > usual.width or whole.height > usual.height
-    buffer = io.BytesIO()
-    figure.savefig(
-        buffer,
-        format="png",
-        dpi=min(DPI, _MOST_PIXELS / max(whole.width, whole.height)),
-        bbox_inches=whole if larger else None,
-        # Without matplotlib's version in it, the same records give the same bytes.
-        metadata={"Software": None},
-    )
-    return buffer.getvalue()

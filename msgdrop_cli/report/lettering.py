@@ -15,6 +15,8 @@ UNKNOWN = "?"
 """Stands for every run of letters that the font has not."""
 _LONGEST = 96
 """Letters of a name."""
+_DOTS = 1200.0
+"""Of an inch, for measures; at few dots letters are as wide as whole dots."""
 _BREAKS = "._-=/,:"
 """Signs in a long word that a line may end with."""
 
@@ -45,9 +47,9 @@ def drawable_name(text: str) -> str:
 def width(text: str, size: float, weight: Weight = "normal") -> float:
     """Of one line of drawable text, in inches; size in points."""
     font = _font(weight)
-    font.set_size(size, 72)
+    font.set_size(size, _DOTS)
     font.set_text(text)
-    return float(font.get_width_height()[0]) / 64.0 / 72.0
+    return float(font.get_width_height()[0]) / 64.0 / _DOTS
 
 
 def wrapped(text: str, inches: float, size: float, weight: Weight = "normal") -> list[str]:

@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING, NamedTuple
 from msgdrop_cli.analysis.metrics import NamedMetric
 from msgdrop_cli.analysis.summary import Row
 from msgdrop_cli.report.lettering import LINE, drawable_name, wrapped
-from msgdrop_cli.report.style import AXES, INK, inches
+from msgdrop_cli.report.style import AXES, INK, LABEL, inches
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-_SIZE = 9.0
+_SIZE = 8.0
 """Of the names beside line ends, in points."""
 _WIDEST = 2.3
 """Of these names, in inches."""
@@ -47,10 +47,19 @@ def measure_axis(axes: "Axes", metric: NamedMetric, values: Sequence[float]) -> 
     """Name the metric; begin at 0 unless something lies below, for bars and rates are amounts."""
     better = "higher" if metric.higher_is_better else "lower"
     name = drawable_name(f"{metric.label} ({better} is better)")
-    lines = wrapped(name, inches(axes).height, 9.5)
-    axes.set_ylabel("\n".join(lines), fontsize=9.5, color=INK)
+    lines = wrapped(name, inches(axes).height, LABEL)
+    axes.set_ylabel("\n".join(lines), fontsize=LABEL, color=INK)
     if min(values, default=0.0) >= 0.0:
         axes.set_ylim(bottom=0.0)
+
+
+def env_steps_axis(axes: "Axes", steps: int, name: bool = True) -> None:
+    """The length of the training, in thousands or millions; its name if it is to be there."""
+    unit, word = (1e6, "million ") if steps >= 1_000_000 else (1e3, "thousand ")
+    axes.set_xlim(0, steps)
+    axes.xaxis.set_major_formatter(lambda value, _: f"{value / unit:g}")
+    if name:
+        axes.set_xlabel(f"{word}env steps", fontsize=LABEL, color=INK)
 
 
 def spread_marks(axes: "Axes", place: float, row: Row, colour: str, width: float) -> None:

@@ -6,18 +6,18 @@ from typing import TYPE_CHECKING
 from msgdrop_cli.analysis.summary import Group, Row, Summary
 from msgdrop_cli.definition.channel import MANY, played_how
 from msgdrop_cli.report.captions import footer, scale
+from msgdrop_cli.report.drawn import Drawn, channel_rows, spread_columns
 from msgdrop_cli.report.lettering import width, wrapped
 from msgdrop_cli.report.looks import shown_arms
 from msgdrop_cli.report.style import INK, Size, canvas, tint
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 _DARKEST = "#08519C"
 _CELL = Size(0.72, 0.42)
 """Inches of a cell."""
-_NAME, _NUMBER = 9.0, 8.5
+_NAME, _NUMBER = 8.0, 7.5
 """Sizes of names and numbers, in points."""
 _WIDEST = 2.2
 """Of variants' names, in inches."""
@@ -25,7 +25,7 @@ _MARGIN = 0.65
 """Inches that the canvas leaves left of its axes for ticks."""
 
 
-def draw_matrix(summary: Summary, group: Group) -> "Figure | None":
+def draw_matrix(summary: Summary, group: Group) -> Drawn | None:
     """The headline of each variant (rows) through each channel (columns); dark is better."""
     metric = summary.metrics(group.environment).headline
     shown = [each for each in shown_arms(summary, group) if each.arm.rows]
@@ -58,7 +58,13 @@ def draw_matrix(summary: Summary, group: Group) -> "Figure | None":
                 worth = (row.mean - low) / (high - low) if high > low else 0.5
                 _cell(axes, column, rank, row, worth if metric.higher_is_better else 1.0 - worth)
     _name_both(axes, words, names)
-    return figure
+    return Drawn(
+        figure=figure,
+        group=group,
+        arms=[each.arm for each in shown],
+        columns=spread_columns("channel"),
+        rows=[*channel_rows(shown, metric.name)],
+    )
 
 
 def _name_both(axes: "Axes", columns: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
@@ -82,5 +88,5 @@ def _cell(axes: "Axes", column: int, rank: int, row: Row, worth: float) -> None:
     seeds = list(row.by_seed.values())
     between = f"{min(seeds):.3g} to {max(seeds):.3g}" if len(seeds) > 1 else "1 seed"
     ink = "white" if worth > 0.5 else INK
-    for height, text, size in ((-0.12, f"{row.mean:.3g}", _NUMBER), (0.25, between, 5.5)):
+    for height, text, size in ((-0.12, f"{row.mean:.3g}", _NUMBER), (0.25, between, 6.0)):
         axes.text(column, rank + height, text, fontsize=size, ha="center", va="center", color=ink)

@@ -5,26 +5,24 @@ import json
 import math
 from collections import defaultdict
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 from msgdrop_cli.analysis.summary import Group, Summary
 from msgdrop_cli.report.captions import footer, scale, spread_note
+from msgdrop_cli.report.drawn import Drawn, line_rows, spread_columns, spread_rows
 from msgdrop_cli.report.lettering import LINE, width, wrapped
 from msgdrop_cli.report.looks import Shown, shown_arms
 from msgdrop_cli.report.marks import label_ends, measure_axis, spread_marks
 from msgdrop_cli.report.reference_lines import reference_lines
-from msgdrop_cli.report.style import AXES, INK, Size, canvas
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+from msgdrop_cli.report.style import AXES, INK, LABEL, TICK, Size, canvas
 
 MINIMUM_RATES = 3
 """Fewer dropout rates make no curve."""
-_TICK, _WIDEST, _ROOM = 9.0, 1.15, 0.1
-"""Names below the axis: points of their size, inches of a line, inches to the next name."""
+_WIDEST, _ROOM = 1.15, 0.1
+"""Names below the axis: inches of a line, inches to the next name."""
 
 
-def draw_dropout_rate(summary: Summary, group: Group) -> "Figure | None":
+def draw_dropout_rate(summary: Summary, group: Group) -> Drawn | None:
     """The headline after training against the rate of message dropout; FDC apart, at the right."""
     metric = summary.metrics(group.environment).headline
     shown = [each for each in shown_arms(summary, group) if each.arm.row(metric.name)]
@@ -46,13 +44,13 @@ def draw_dropout_rate(summary: Summary, group: Group) -> "Figure | None":
         + " Small dots: seeds. Rate 0 is DCC."
         + lines.note,
     )
-    names = [wrapped(each.label, _WIDEST, _TICK) for each in without]
+    names = [wrapped(each.label, _WIDEST, TICK) for each in without]
     apart, wide, unit = _places(rates, names)
     figure, axes = canvas(
         f"After training, {scale(group)}",
         below,
         size=Size(wide, AXES.height),
-        below=(max(map(len, names), default=1) - 1) * _TICK * LINE,
+        below=(max(map(len, names), default=1) - 1) * TICK * LINE,
     )
     means = [row.mean for row in rows[: len(rates)]]
     axes.plot(rates, means, color="#BBBBBB", linewidth=1.2, zorder=1)
@@ -60,11 +58,25 @@ def draw_dropout_rate(summary: Summary, group: Group) -> "Figure | None":
         spread_marks(axes, place, row, look.colour, width=0.25 * _step(rates))
         axes.scatter([place], [row.mean], s=48, color=look.colour, zorder=4, edgecolor="white")
     axes.set_xticks(rates + apart, [*_rate_names(rates, unit), *map("\n".join, names)])
-    axes.set_xlabel("rate of message dropout in training", fontsize=9.5, color=INK)
+    axes.set_xlabel("rate of message dropout in training", fontsize=LABEL, color=INK)
     measure_axis(axes, metric, values)
     lines.draw(axes)
     label_ends(axes, lines.ends)
-    return figure
+    where = [*rates, *[None] * len(without)]
+    return Drawn(
+        figure=figure,
+        group=group,
+        arms=[each.arm for each in drawn],
+        columns=spread_columns("rate"),
+        rows=[
+            *(
+                line
+                for each, row, rate in zip(drawn, rows, where, strict=True)
+                for line in spread_rows(each, row, rate)
+            ),
+            *line_rows(lines.shown.items(), 1),
+        ],
+    )
 
 
 def _dropout_series(shown: Sequence[Shown]) -> list[tuple[float, Shown]]:
@@ -103,7 +115,7 @@ def _places(rates: Sequence[float], names: Sequence[Sequence[str]]) -> _Places:
     usual = 1.5 * _step(rates)
     span = 1.1 * (rates[-1] + len(names) * usual - rates[0])  # with matplotlib's margins of 5%
     unit = span / AXES.width
-    widest = max((width(line, _TICK) for name in names for line in name), default=0.0)
+    widest = max((width(line, TICK) for name in names for line in name), default=0.0)
     distance = max(usual, (widest + _ROOM) * unit)
     return _Places(
         apart=[rates[-1] + distance * (rank + 1) for rank in range(len(names))],
@@ -117,7 +129,7 @@ def _rate_names(rates: Sequence[float], unit: float) -> list[str]:
     names, free = [], -math.inf
     for rate in rates:
         name = f"{rate:g}"
-        half = unit * (width(name, _TICK) + _ROOM / 2.0) / 2.0
+        half = unit * (width(name, TICK) + _ROOM / 2.0) / 2.0
         fits = rate - half >= free
         names.append(name if fits else "")
         free = rate + half if fits else free

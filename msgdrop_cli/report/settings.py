@@ -18,6 +18,8 @@ _OURS: Mapping[str, Any] = MappingProxyType(
     {
         "font.family": [FONT],
         "text.parse_math": False,  # a label is what its author typed, with its dollars
+        "svg.hashsalt": "msgdrop",  # else the names of parts are drawn anew by every process
+        "pdf.fonttype": 42,  # whole letters, which printers and journals ask for
     }
 )
 

@@ -11,7 +11,7 @@ from msgdrop_cli.analysis.claims import judge_claims
 from msgdrop_cli.analysis.summary import Summary, summarise
 from msgdrop_cli.analysis.verdict import Verdict
 from msgdrop_cli.definition.judged import judged_at
-from msgdrop_cli.definition.spec import Definition
+from msgdrop_cli.definition.spec import Claim, Definition
 from msgdrop_cli.records.copies import copy_run, with_policy
 from msgdrop_cli.records.references import References
 from msgdrop_cli.records.store import RunRecord
@@ -24,6 +24,8 @@ class Study(NamedTuple):
     """What the runs of one question and profile say."""
 
     summary: Summary
+    claims: Sequence[Claim]
+    """Those of its question that its profile can judge."""
     page: str
     """Every table and verdict, as Markdown."""
 
@@ -48,13 +50,15 @@ def study_of(
     """
     claims = judged_at(definition, profile)
     summary = summarise(records, order=tuple(definition.variants), references=references)
-    return Study(summary, tables(summary, judge_claims(claims, summary, definition)))
+    return Study(summary, claims, tables(summary, judge_claims(claims, summary, definition)))
 
 
 def write_study(study: Study, folder: Folder) -> Written:
     """Write the page and draw the figures; RecordError if the folder cannot be written (73, 74)."""
     page = write_atomic(folder, TABLES, study.page.encode())
-    return Written(page, draw_all(study.summary, folder.at(FIGURES)))
+    # What is committed stays small: `plot` makes the same figures for print again, in seconds.
+    suffixes = ("png", "csv")
+    return Written(page, draw_all(study.summary, folder.at(FIGURES), study.claims, suffixes))
 
 
 def publish(records: Sequence[RunRecord], folder: Folder) -> list[Path]:

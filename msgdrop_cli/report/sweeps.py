@@ -1,29 +1,25 @@
 """A sweep as a table, as a figure and as numbers for other programs."""
 
-import csv
-import io
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import Any
 
 from msgdrop_cli.analysis.summary import Group, Summary
 from msgdrop_cli.analysis.sweeps import NEVER, Swept
 from msgdrop_cli.definition.channel import played_how
 from msgdrop_cli.definition.sweep import Sweep
 from msgdrop_cli.report.captions import footer, scale
-from msgdrop_cli.report.figures import file_stem, png
+from msgdrop_cli.report.drawn import Drawn
+from msgdrop_cli.report.figures import file_stem
 from msgdrop_cli.report.looks import shown_arms
 from msgdrop_cli.report.marks import end, label_ends, measure_axis
 from msgdrop_cli.report.settings import own_settings
-from msgdrop_cli.report.style import AXES, INK, QUIET, Size, canvas
+from msgdrop_cli.report.style import AXES, INK, LABEL, QUIET, Size, canvas
 from msgdrop_cli.report.table import NOTHING, Table
-from msgdrop_cli.report.write import Folder, write_atomic
+from msgdrop_cli.report.write import Folder
 
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
-_RIGHT = 1.9
-"""Inches beside the axes, where the names stand."""
+_WIDTH, _RIGHT = AXES.width - 0.65, 1.65
+"""Inches of the axes, and beside them, where the names stand."""
 
 
 def sweep_table(summary: Summary, group: Group, sweep: Sweep, swept: Sequence[Swept]) -> Table:
@@ -71,18 +67,14 @@ def _place(value: float) -> str:
 def write_sweep(
     summary: Summary, group: Group, sweep: Sweep, swept: Sequence[Swept], folder: Folder
 ) -> list[Path]:
-    """Write the figure and the numbers in it; RecordError (73, 74) if they cannot be written."""
+    """Write the figure and its numbers; RecordError (73, 74) if they cannot be written."""
     name = "".join(letter if letter.isalnum() else "-" for letter in sweep.text).strip("-")
     stem = f"{file_stem(group)}-sweep-{name}"
     with own_settings():
-        picture = png(draw_sweep(summary, group, sweep, swept))
-    return [
-        write_atomic(folder, f"{stem}.png", picture),
-        write_atomic(folder, f"{stem}.csv", _csv(summary, group, sweep, swept)),
-    ]
+        return draw_sweep(summary, group, sweep, swept).write(folder, stem)
 
 
-def draw_sweep(summary: Summary, group: Group, sweep: Sweep, swept: Sequence[Swept]) -> "Figure":
+def draw_sweep(summary: Summary, group: Group, sweep: Sweep, swept: Sequence[Swept]) -> Drawn:
     """Each arm's headline against the setting: the mean of the seeds, and every seed as a dot."""
     metric = summary.metrics(group.environment).headline
     looks = {id(each.arm): each for each in shown_arms(summary, group)}
@@ -99,7 +91,7 @@ def draw_sweep(summary: Summary, group: Group, sweep: Sweep, swept: Sequence[Swe
         for each in swept
         for shown in [looks[id(each.arm)]]
     ]
-    size = Size(AXES.width, max(AXES.height, sum(each.height for each in ends)))
+    size = Size(_WIDTH, max(AXES.height, sum(each.height for each in ends)))
     figure, axes = canvas(f"{sweep.text}, {scale(group)}", below, size=size, right=_RIGHT)
     values = []
     for each in swept:
@@ -117,25 +109,23 @@ def draw_sweep(summary: Summary, group: Group, sweep: Sweep, swept: Sequence[Swe
             top = axes.get_xaxis_transform()
             axes.plot([each.fall] * 2, [0, 0.035], color=look.colour, transform=top, linewidth=2)
     axes.set_xlim(sweep.values[0], sweep.values[-1])
-    axes.set_xlabel(sweep.name, fontsize=9.5, color=INK)
+    axes.set_xlabel(sweep.name, fontsize=LABEL, color=INK)
     axes.tick_params(colors=QUIET)
     measure_axis(axes, metric, values)
     label_ends(axes, ends)
-    return figure
+    return Drawn(
+        figure=figure,
+        group=group,
+        arms=[each.arm for each in swept],
+        columns=("variant", "seed", "run_id", "channel", "setting", metric.name),
+        rows=[line for each in swept for line in _lines(sweep, each)],
+    )
 
 
-def _csv(summary: Summary, group: Group, sweep: Sweep, swept: Sequence[Swept]) -> bytes:
-    """One line a variant, seed and setting."""
-    metric = summary.metrics(group.environment).headline
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    columns = ("environment", "train_env_steps", "profile", "variant", "seed", "run_id")
-    writer.writerow([*columns, "channel", "setting", metric.name])
-    for each in swept:
-        runs = {record.seed: record.run_id for record in each.arm.done}
-        for value, row in zip(sweep.values, each.rows, strict=True):
-            for seed, number in row.by_seed.items():
-                about = (group.environment, group.train_env_steps, group.profile)
-                who = (each.arm.variant, seed, runs.get(seed, ""))
-                writer.writerow([*about, *who, row.channel.key, f"{value:g}", repr(number)])
-    return text.getvalue().encode()
+def _lines(sweep: Sweep, swept: Swept) -> Iterator[Sequence[Any]]:
+    """One line a seed and setting."""
+    runs = {record.seed: record.run_id for record in swept.arm.done}
+    for value, row in zip(sweep.values, swept.rows, strict=True):
+        for seed, number in row.by_seed.items():
+            who = (swept.arm.variant, seed, runs.get(seed))
+            yield (*who, row.channel.key, f"{value:g}", number)

@@ -53,7 +53,7 @@ def report(
     summary = only(everything, channels)
     verdicts = judge_claims(claims, summary, question) if question else []
     if as_json:
-        _report_json(everything, summary, verdicts, figures, about or {})
+        _report_json(everything, summary, verdicts, figures, claims, about or {})
         return
     for group in summary.groups:
         console.table(results_table(summary, group, channels[0]), numbers_from=_TEXT_COLUMNS)
@@ -66,7 +66,8 @@ def report(
         _show(verdicts, "Claims of the paper" if question.shipped else "Claims")
     if figures:
         note_left_out(everything)
-    for number, path in enumerate(draw_all(everything, figures) if figures else []):
+    drawn = draw_all(everything, figures, claims or None) if figures else []
+    for number, path in enumerate(path for path in drawn if path.suffix == ".png"):
         console.result(("" if number or verdicts else "\n") + f"figure  {path}")
 
 
@@ -75,12 +76,13 @@ def _report_json(
     summary: Summary,
     verdicts: Sequence[Verdict],
     figures: Folder | None,
+    claims: Sequence[Claim],
     about: Mapping[str, Any],
 ) -> None:
     """The same as one document; it is shown even if the figures cannot be written."""
     drawn: list[Path] = []
     try:
-        drawn = draw_all(everything, figures) if figures else []
+        drawn = draw_all(everything, figures, claims or None) if figures else []
     finally:
         console.result_json(
             {

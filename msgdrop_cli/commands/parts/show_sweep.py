@@ -45,7 +45,8 @@ def show_sweep(
         console.result_json({"sweep": sweep.text, "arms": arms})
     for group, swept in shown:
         for path in write_sweep(summary, group, sweep, swept, folder):
-            say(f"wrote  {path}")
+            if path.suffix in (".png", ".csv"):
+                say(f"wrote  {path}")
     return exit_code
 
 
