@@ -8,7 +8,7 @@ from msgdrop_cli.definition.channel import MANY, Channel, only_links, played_how
 from msgdrop_cli.report.captions import footer, scale, spread_note
 from msgdrop_cli.report.drawn import Drawn, channel_rows, line_rows, spread_columns
 from msgdrop_cli.report.lettering import LINE, width, wrapped
-from msgdrop_cli.report.looks import shown_arms
+from msgdrop_cli.report.looks import Shown, shown_arms
 from msgdrop_cli.report.marks import label_ends, measure_axis, spread_marks
 from msgdrop_cli.report.reference_lines import reference_lines
 from msgdrop_cli.report.style import AXES, INK, QUIET, Size, canvas, tint
@@ -55,22 +55,7 @@ def draw_channels(summary: Summary, group: Group) -> Drawn | None:
         size=Size(bar * _bars(len(shown), len(channels)), AXES.height),
         below=(max(map(len, names)) - 1) * _NAME * LINE,
     )
-    ticks, tick_names = [], []
-    for rank, (arm, _, look) in enumerate(shown):
-        first = rank * (len(channels) + _BETWEEN)
-        for column, channel in enumerate(channels):
-            ticks.append(first + column)
-            tick_names.append(channel.word)
-            row = arm.row(metric.name, channel)
-            if row is None:
-                continue
-            shade = tint(look.colour, 1.0 - 0.72 * column / (len(channels) - 1))
-            axes.bar(
-                first + column, row.mean, 0.86, color=shade, edgecolor=look.colour, linewidth=0.8
-            )
-            spread_marks(axes, first + column, row, INK, width=0.3)
-        _name_below(axes, first + (len(channels) - 1) / 2.0, names[rank])
-    axes.set_xticks(ticks, tick_names, fontsize=_TICK, color=QUIET)
+    _draw_arms(axes, shown, channels, metric.name, names)
     axes.tick_params(axis="x", length=0)
     measure_axis(axes, metric, values)
     lines.draw(axes)
@@ -82,6 +67,32 @@ def draw_channels(summary: Summary, group: Group) -> Drawn | None:
         columns=spread_columns("channel"),
         rows=[*channel_rows(shown, metric.name), *line_rows(lines.shown.items(), 1)],
     )
+
+
+def _draw_arms(
+    axes: "Axes",
+    shown: Sequence[Shown],
+    channels: Sequence[Channel],
+    metric: str,
+    names: Sequence[Sequence[str]],
+) -> None:
+    """The bars of each arm above its name, each above the word of its channel."""
+    ticks, tick_names = [], []
+    for rank, (arm, _, look) in enumerate(shown):
+        first = rank * (len(channels) + _BETWEEN)
+        for column, channel in enumerate(channels):
+            ticks.append(first + column)
+            tick_names.append(channel.word)
+            row = arm.row(metric, channel)
+            if row is None:
+                continue
+            shade = tint(look.colour, 1.0 - 0.72 * column / (len(channels) - 1))
+            axes.bar(
+                first + column, row.mean, 0.86, color=shade, edgecolor=look.colour, linewidth=0.8
+            )
+            spread_marks(axes, first + column, row, INK, width=0.3)
+        _name_below(axes, first + (len(channels) - 1) / 2.0, names[rank])
+    axes.set_xticks(ticks, tick_names, fontsize=_TICK, color=QUIET)
 
 
 def _through(channels: Sequence[Channel]) -> str:

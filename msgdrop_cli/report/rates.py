@@ -5,6 +5,7 @@ import json
 import math
 from collections import defaultdict
 from collections.abc import Sequence
+from itertools import chain
 from typing import NamedTuple
 
 from msgdrop_cli.analysis.summary import Group, Summary
@@ -63,19 +64,13 @@ def draw_dropout_rate(summary: Summary, group: Group) -> Drawn | None:
     lines.draw(axes)
     label_ends(axes, lines.ends)
     where = [*rates, *[None] * len(without)]
+    seeds = map(spread_rows, drawn, rows, where)
     return Drawn(
         figure=figure,
         group=group,
         arms=[each.arm for each in drawn],
         columns=spread_columns("rate"),
-        rows=[
-            *(
-                line
-                for each, row, rate in zip(drawn, rows, where, strict=True)
-                for line in spread_rows(each, row, rate)
-            ),
-            *line_rows(lines.shown.items(), 1),
-        ],
+        rows=[*chain.from_iterable(seeds), *line_rows(lines.shown.items(), 1)],
     )
 
 
