@@ -13,6 +13,8 @@ _PUBLIC = {
     "load_policy": "msgdrop_cli.engine.policy",
     "MessageDropout": "msgdrop_cli.networks.message_dropout",
     "message_dropout": "msgdrop_cli.networks.message_dropout",
+    "results": "msgdrop_cli.report.frames",
+    "curves": "msgdrop_cli.report.frames",
 }
 """Names and the modules that they come from; for type checkers they stand in `__init__.pyi`."""
 

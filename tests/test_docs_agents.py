@@ -3,7 +3,7 @@
 import re
 import shlex
 
-from tests import test_rooms
+from tests import test_rooms, test_sizes
 from tests.cli_runs import ROOT
 from tests.markdown import Page, named
 from tests.test_docs_site import COMMANDS
@@ -36,7 +36,7 @@ def test_files_and_limits_are_the_houses() -> None:
     assert len(paths) > 5
     assert [path for path in paths if not (ROOT / path).exists()] == []
     limits = [int(number) for number in re.findall(r"up to (\d+)", PROSE)]
-    assert limits == [test_rooms.MAX_FILE_LINES, test_rooms.MAX_FUNCTION_LINES]
+    assert limits == [test_sizes.MAX_FILE_LINES, test_sizes.MAX_FUNCTION_LINES]
 
 
 def test_cold_rooms_are_all_that_are_not_warm() -> None:

@@ -66,7 +66,7 @@ def _measured(
 ) -> Measured:
     measured: Measured = defaultdict(dict)
     for record in runs:
-        for channel, evaluation in _evaluations(record, metrics, episodes).items():
+        for channel, evaluation in evaluations_of(record, metrics, episodes).items():
             measured[channel][record.seed] = evaluation
     return measured
 
@@ -88,7 +88,7 @@ def _count(arms: Sequence[Measured]) -> int:
     return sum(len(seeds) for arm in arms for seeds in arm.values())
 
 
-def _evaluations(
+def evaluations_of(
     record: RunRecord, metrics: Sequence[NamedMetric], episodes: int | None
 ) -> dict[Channel, Evaluation]:
     """Each channel of one run, over its first `episodes` (None: all)."""

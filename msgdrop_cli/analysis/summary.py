@@ -155,7 +155,7 @@ def summarise(
     records twice (published and local) counts once. Raises RecordError for unreadable rows.
     """
     runs: dict[tuple[Group, str, str], list[RunRecord]] = defaultdict(list)
-    for record in _once_each(records):
+    for record in once_each(records):
         runs[_group(record), record.variant, _setup(record)].append(record)
     arms: list[Arm] = []
     left_out = 0
@@ -176,7 +176,8 @@ def summarise(
     )
 
 
-def _once_each(records: Iterable[RunRecord]) -> list[RunRecord]:
+def once_each(records: Iterable[RunRecord]) -> list[RunRecord]:
+    """Each run in each profile once, whatever the number of its copies; by seed."""
     chosen: dict[tuple[str, str, str], RunRecord] = {}
     for record in records:
         key = (record.run_id, record.variant, record.profile)
