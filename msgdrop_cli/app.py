@@ -20,6 +20,7 @@ from msgdrop_cli.commands import (
     ablate,
     eval,
     explain,
+    export,
     import_archives,
     plot,
     publish,
@@ -54,7 +55,7 @@ app = typer.Typer(
 )
 _COMMANDS = (
     *(ablate, train, eval, unstable_test, plot, status, explain, publish),
-    *(verify, replay, import_archives),
+    *(verify, replay, export, import_archives),
 )
 for _command in _COMMANDS:
     app.add_typer(_command.app)

@@ -1,15 +1,24 @@
 """Where reports are written, and how: whole files or none, nothing published, through no link."""
 
 import os
+from collections.abc import Mapping
 from pathlib import Path, PurePath
+from tempfile import TemporaryDirectory
 from typing import NamedTuple
 
 from msgdrop_cli.definition.strict import one_line
 from msgdrop_cli.errors import RecordError
-from msgdrop_cli.records.files import CANNOT_CREATE, write_bytes_atomic
+from msgdrop_cli.records.files import (
+    CANNOT_CREATE,
+    CANNOT_WRITE,
+    TEMPORARY,
+    write_bytes_atomic,
+)
 
 FIGURES = "figures"
 """The folder of the figures in a results folder, and in what is published."""
+EXPORTS = "exports"
+"""The folder of what other programs read, in a results folder."""
 TABLES = "TABLES.md"
 """The page of tables that lies beside every published question's runs."""
 _PUBLISHED = "published"
@@ -54,15 +63,45 @@ def write_atomic(folder: Folder, name: str, content: bytes) -> Path:
     return path
 
 
+def write_folder(folder: Folder, files: Mapping[str, bytes]) -> list[Path]:
+    """Write a folder of files, whole or not at all; what was in it before is gone then.
+
+    Raises RecordError (73 if it cannot be made, 74 if it cannot be written).
+    """
+    target = Folder(folder.root, folder.inside.parent).made() / folder.inside.name
+    try:
+        with TemporaryDirectory(dir=target.parent, prefix=TEMPORARY) as scratch:
+            new = Path(scratch) / "new"
+            new.mkdir()
+            for name, content in files.items():
+                write_bytes_atomic(new / name, content)
+            if os.path.lexists(target):
+                target.rename(Path(scratch) / "old")
+            new.rename(target)
+    except OSError as error:
+        message = one_line(f"{target}: cannot be written: {error.strerror}")
+        raise RecordError(message, CANNOT_WRITE) from error
+    return [target / name for name in files]
+
+
+def exports_folder(results: Path, name: str) -> Folder:
+    """Where one format of the records in or below `results` goes: `exports/<name>` in there."""
+    return _beside_records(results, EXPORTS, name)
+
+
 def figures_folder(results: Path, *names: str) -> Folder:
     """Where figures of the records in or below `results` go: `figures/<names>` in there.
 
     Those of what is published, `results/published/x`, go to `results/figures/x`: what is committed
     is written by `publish` alone.
     """
+    return _beside_records(results, FIGURES, *names)
+
+
+def _beside_records(results: Path, kind: str, *names: str) -> Folder:
     place = results.resolve()
     for folder in (place, *place.parents[:_DEPTH]):
         if folder.name == _PUBLISHED and any(folder.glob(f"*/{TABLES}")):
             root = folder.parent if results.is_absolute() else Path(os.path.relpath(folder.parent))
-            return Folder(root, PurePath(FIGURES, place.relative_to(folder), *names))
-    return Folder(results, PurePath(FIGURES, *names))
+            return Folder(root, PurePath(kind, place.relative_to(folder), *names))
+    return Folder(results, PurePath(kind, *names))
