@@ -51,9 +51,9 @@ def draw_differences(summary: Summary, group: Group, pairs: Sequence[Pair]) -> D
     heads = len({_head(pair) for pair in pairs})
     left = max(width(line, TICK) for name in names for line in name) + 0.2
     tall = sum(max(_ROW, len(name) * TICK * LINE + 0.08) for name in names) + heads * _HEAD
-    size = Size(max(1.4, ONE_COLUMN - left - 0.15), tall)
+    size = Size(max(1.2, ONE_COLUMN - left - 0.2), tall)
     title = f"Differences, {scale(group)}"
-    figure, axes = canvas(title, below, size=size, left=left, right=0.15)
+    figure, axes = canvas(title, below, size=size, left=left, right=0.2)
     rows = _draw_rows(axes, pairs, names, left)
     axes.set_xlabel(f"how much better, {metric.label}", fontsize=LABEL, color=INK, loc="right")
     axes.axvline(0.0, color=QUIET, linewidth=0.8, zorder=1)

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
 _ACROSS = 4
 """Panels in a row."""
-_GAP, _TALL, _BETWEEN, _RIGHT = 0.16, 1.25, 0.5, 0.25
+_GAP, _TALL, _BETWEEN, _RIGHT = 0.26, 1.25, 0.5, 0.25
 """Inches between two panels, of a panel's height, between two rows, and right of all."""
 _WIDE = AXES.width + 1.0 - _RIGHT
 """Inches of a row of panels."""
@@ -122,7 +122,7 @@ def _share_axes(panels: Sequence["Axes"], steps: int, curves: Sequence[Curve]) -
 def _name_values(frame: "Axes", name: str) -> None:
     """The name of all panels' values at the left of the frame, of which nothing else is seen."""
     lines = wrapped(name, inches(frame).height + 0.3, LABEL)
-    frame.set_ylabel("\n".join(lines), fontsize=LABEL, color=INK, labelpad=30)
+    frame.set_ylabel("\n".join(lines), fontsize=LABEL, color=INK, labelpad=27)
     frame.set_xticks([])
     frame.set_yticks([])
     for spine in frame.spines.values():

@@ -63,13 +63,18 @@ def env_steps_axis(axes: "Axes", steps: int, name: bool = True) -> None:
 
 
 def spread_marks(axes: "Axes", place: float, row: Row, colour: str, width: float) -> None:
-    """The interval as a line, and each seed as a small dot to the right of it."""
+    """The interval as a line, and each seed as a small dot to the right of it.
+
+    Both have a white edge, for they may stand on a dark bar.
+    """
     seeds = len(row.by_seed)
     beside = [place + width * (0.3 + 0.7 * rank / max(1, seeds - 1)) for rank in range(seeds)]
     axes.scatter(
-        beside, list(row.by_seed.values()), s=8, color=colour, alpha=0.6, linewidths=0, zorder=3
-    )
+        beside, list(row.by_seed.values()), s=9, color=colour, alpha=0.7, edgecolor="white",
+        linewidths=0.3, zorder=3,
+    )  # fmt: skip
     if row.interval:
+        axes.vlines(place, *row.interval, color="white", linewidth=3.0, zorder=3)
         axes.vlines(place, *row.interval, color=colour, linewidth=1.6, zorder=3)
 
 
