@@ -18,6 +18,7 @@ import typer
 from msgdrop_cli import __version__
 from msgdrop_cli.commands import (
     ablate,
+    diff,
     eval,
     explain,
     export,
@@ -55,7 +56,7 @@ app = typer.Typer(
 )
 _COMMANDS = (
     *(ablate, train, eval, unstable_test, plot, status, explain, publish),
-    *(verify, replay, export, import_archives),
+    *(verify, replay, diff, export, import_archives),
 )
 for _command in _COMMANDS:
     app.add_typer(_command.app)

@@ -50,12 +50,13 @@ def paired_curves(pairs: Sequence[Pair]) -> Mapping[tuple[str, str], Curve]:
         better, worse = (curves[id(arm)] for arm in both)
         metric = pair.better.metrics.find(name)
         sign = 1.0 if metric is None or metric.higher_is_better else -1.0
-        if better and worse and (curve := _difference(better, worse, sign)):
+        if better and worse and (curve := difference_of(better, worse, sign)):
             found[pair.better.variant, pair.worse.variant] = curve
     return found
 
 
-def _difference(better: Curve, worse: Curve, sign: float) -> Curve | None:
+def difference_of(better: Curve, worse: Curve, sign: float = 1.0) -> Curve | None:
+    """The first curve minus the second, seed by seed; None without a common seed or env step."""
     seeds = [seed for seed in better.by_seed if seed in worse.by_seed]
     grid = [step for step in better.env_steps if step in set(worse.env_steps)]
     if not seeds or not grid:

@@ -36,7 +36,7 @@ def remarks(
 
     setups: all of the variant in the group, each a nested table as `setup`, the arm's own.
     """
-    others, mine = [dict(_leaves(each)) for each in setups], dict(_leaves(setup))
+    others, mine = [dict(leaves(each)) for each in setups], dict(leaves(setup))
     differing = [key for key in mine if len({str(other.get(key)) for other in others}) > 1]
     paths = [without_variant(each, variant) for each in overrides]
     paths += [f"{path}={mine[path]}" for path in differing]
@@ -44,9 +44,10 @@ def remarks(
     return f" ({', '.join(words)})" if words else ""
 
 
-def _leaves(table: Mapping[str, Any], prefix: str = "") -> Iterable[tuple[str, Any]]:
+def leaves(table: Mapping[str, Any], prefix: str = "") -> Iterable[tuple[str, Any]]:
+    """The values of a nested table by their paths: `algorithm.rate`, 0.2."""
     for key, value in table.items():
         if isinstance(value, dict):
-            yield from _leaves(value, f"{prefix}{key}.")
+            yield from leaves(value, f"{prefix}{key}.")
         else:
             yield f"{prefix}{key}", value

@@ -1,0 +1,132 @@
+"""`msgdrop diff`: two runs or two variants side by side."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from msgdrop_cli.analysis.comparison import Comparison, Difference, Differing, compare
+from msgdrop_cli.analysis.summary import Group, once_each
+from msgdrop_cli.commands.parts import console, options
+from msgdrop_cli.commands.parts.listing import runs_in
+from msgdrop_cli.errors import DefinitionError, nearest
+from msgdrop_cli.records.store import RunRecord, list_runs
+from msgdrop_cli.report.table import Table
+
+app = typer.Typer()
+_Side = Annotated[str, typer.Argument(help="A variant, a run id, or a folder of runs.")]
+
+
+@app.command(
+    epilog=options.examples("diff dcc md-0.2 --results results/published", "diff 937be297 f8e60a3e")
+)
+def diff(
+    one: _Side,
+    other: _Side,
+    results: options.Results = Path("results"),
+    json: options.Json = False,
+) -> int:
+    """Compare two runs or two variants: settings, versions, curves, evaluations.
+
+    Every difference is the second one minus the first, paired by seed.
+    """
+    first, second = _side(one, results), _side(other, results)
+    pairs = [(group, first[group], second[group]) for group in first if group in second]
+    if not pairs and len(first) == len(second) == 1:  # of other lengths or games: settings differ
+        [(group, mine)], [theirs] = first.items(), second.values()
+        pairs = [(group, mine, theirs)]
+    if not pairs:
+        raise DefinitionError(f"{one} and {other}: were never trained in one game at one scale")
+    found = [(group, compare(mine, theirs)) for group, mine, theirs in pairs]
+    if json:
+        console.result_json([_json(group, each) for group, each in found])
+        return 0
+    for group, each in found:
+        _show(f"{one} and {other}, {group.environment}, {group.profile} profile", each)
+    return 0
+
+
+def _side(text: str, root: Path) -> dict[Group, list[RunRecord]]:
+    """The runs that are meant, by what must be alike in them."""
+    if Path(text).is_dir():
+        found = once_each(list_runs(Path(text)))
+    else:
+        records = once_each(runs_in(root))
+        found = [run for run in records if text in (run.run_id, run.variant)]
+        if not found:
+            known = {run.variant for run in records}
+            raise DefinitionError(
+                f"{root}: no run or variant is {text[:40]!r}; {nearest(text, known)}"
+            )
+    groups: dict[Group, list[RunRecord]] = {}
+    for run in found:
+        steps = run.setup.train_env_steps if run.setup else 0
+        groups.setdefault(Group(run.environment, steps, run.profile), []).append(run)
+    return groups
+
+
+def _show(title: str, found: Comparison) -> None:
+    for name, rows in (("setting", found.settings), ("made with", found.made_with)):
+        if rows:
+            headers = (name, "first", "second")
+            console.table(
+                Table(title=title, headers=headers, rows=rows, caption=""),
+                numbers_from=len(headers),
+            )
+        else:
+            console.result(f"\n{title}\n{name}: nothing differs")
+        title = "besides"
+    rows_of = [
+        (each.channel.word, each.metric.replace("_", " "), f"{each.mean:+.4g}", _ends(each))
+        for each in found.evaluations
+    ]
+    console.table(
+        Table(
+            title="after training, second minus first",
+            headers=("links broken or channel", "metric", "difference", "95% interval"),
+            rows=tuple(rows_of),
+            caption=f"{found.episodes:,} episodes a run; below six pairs the lowest and the"
+            " highest; the interval is of each row alone.",
+        ),
+        numbers_from=2,
+    )
+    console.result(_of_curves(found))
+
+
+def _of_curves(found: Comparison) -> str:
+    if (most := found.largest) is None:
+        return "curves: no seed in common"
+    metric = found.metric.replace("_", " ")
+    return f"curves: differ most at {most[0]:,} env steps, by {most[1]:+.4g} {metric}"
+
+
+def _ends(each: Difference) -> str:
+    if each.interval is None:
+        return "1 pair"
+    return f"[{each.interval.low:.4g}, {each.interval.high:.4g}], {each.pairs} pairs"
+
+
+def _json(group: Group, found: Comparison) -> dict[str, Any]:
+    return {
+        **group._asdict(),
+        "settings": _facts(found.settings),
+        "made_with": _facts(found.made_with),
+        "episodes": found.episodes,
+        "evaluations": [
+            {
+                "channel": each.channel.key,
+                "metric": each.metric,
+                "difference": each.mean,
+                "low": each.interval.low if each.interval else None,
+                "high": each.interval.high if each.interval else None,
+                "pairs": each.pairs,
+            }
+            for each in found.evaluations
+        ],
+        "curves_differ_most": found.largest,
+    }
+
+
+def _facts(rows: Sequence[Differing]) -> dict[str, list[str]]:
+    return {row.name: [row.one, row.other] for row in rows}

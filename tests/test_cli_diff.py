@@ -1,0 +1,81 @@
+"""`msgdrop diff`: what two runs or two variants do not have in common."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from msgdrop_cli.analysis.comparison import compare
+from msgdrop_cli.analysis.intervals import mean_interval
+from tests.cli_runs import msgdrop
+from tests.fake_runs import write_run
+
+
+@pytest.fixture
+def root(tmp_path: Path) -> Path:
+    """Seven seeds of one variant, eight of another with another rate and commit."""
+    for seed in range(1, 9):
+        if seed < 8:
+            write_run(tmp_path, "dcc", seed, catches={0.0: seed}, curve=[50.0, float(seed)])
+        write_run(
+            tmp_path, "md-0.2", seed, catches={0.0: 2 * seed}, curve=[2.0, 3.0 * seed],
+            algorithm={"rate": 0.2}, commit="fedcba", kernel="c-dcc",
+        )  # fmt: skip
+    return tmp_path
+
+
+def test_variants_are_compared_seed_by_seed(root: Path) -> None:
+    """Those that both have, with the interval of their differences."""
+    said = msgdrop("diff", "dcc", "md-0.2", "--results", root, "--json")
+    assert said.code == 0, said.err
+    [found] = json.loads(said.out)
+    assert found["settings"] == {"algorithm.rate": ["0.0", "0.2"]}
+    assert found["made_with"] == {"commit": ["0123456789ab", "fedcba"], "kernel": ["-", "c-dcc"]}
+    first = found["evaluations"][0]
+    low, high = mean_interval([1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0]) or (None, None)
+    assert first == {
+        "channel": "links:0", "metric": "catches_per_500", "difference": 4.0,
+        "low": low, "high": high, "pairs": 7,
+    }  # fmt: skip
+    assert found["curves_differ_most"] == [500, -48.0]
+
+
+def test_two_runs_are_a_pair_whatever_their_seeds(root: Path) -> None:
+    """By folder or by id; one pair has no interval."""
+    one = next((root / "runs" / "pursuit-n6").glob("dcc-s1-*"))
+    other = next((root / "runs" / "pursuit-n6").glob("md-0.2-s5-*"))
+    said = msgdrop("diff", one, other.name[-8:], "--results", root, "--json")
+    assert said.code == 0, said.err
+    [found] = json.loads(said.out)
+    assert found["evaluations"][0]["difference"] == 9.0
+    assert found["evaluations"][0]["low"] is None
+    assert found["curves_differ_most"] == [500, -48.0]
+
+
+def test_a_run_and_itself_differ_in_nothing(root: Path) -> None:
+    """And the terminal says so in words."""
+    one = next((root / "runs" / "pursuit-n6").glob("dcc-s1-*"))
+    said = msgdrop("diff", one, one)
+    assert said.code == 0, said.err
+    assert "setting: nothing differs" in said.out
+    assert "made with: nothing differs" in said.out
+    assert "+0" in said.out
+
+
+def test_runs_that_broke_down_still_have_settings(tmp_path: Path) -> None:
+    """There is nothing else to compare then."""
+    one = write_run(tmp_path, "dcc", 1, catches={0.0: 1})
+    other = write_run(tmp_path, "dcc", 2, status="failed", algorithm={"gamma": 0.5})
+    found = compare([one], [other])
+    assert [row.name for row in found.settings] == ["algorithm.gamma"]
+    assert (found.evaluations, found.curve, found.largest) == ((), None, None)
+
+
+def test_other_games_cannot_be_compared(root: Path) -> None:
+    """Variants of two games of which none is the other's; an unknown name has its nearest."""
+    write_run(root, "sd-0.2", 1, environment="pursuit-n8")
+    write_run(root, "sd-0.2", 2, environment="pursuit-n8", train_env_steps=500)
+    apart = msgdrop("diff", "dcc", "sd-0.2", "--results", root)
+    assert (apart.code, "never trained in one game" in apart.err) == (2, True)
+    wrong = msgdrop("diff", "dcc", "md-0.3", "--results", root)
+    assert (wrong.code, "md-0.2" in wrong.err) == (2, True)
