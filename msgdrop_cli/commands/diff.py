@@ -78,16 +78,17 @@ def _show(title: str, found: Comparison) -> None:
             console.result(f"\n{title}\n{name}: nothing differs")
         title = "besides"
     rows_of = [
-        (each.channel.word, each.metric.replace("_", " "), f"{each.mean:+.4g}", _ends(each))
+        (each.channel.short, each.metric.replace("_", " "), _in_words(each))
         for each in found.evaluations
     ]
+    pairs = " or ".join(map(str, sorted({each.pairs for each in found.evaluations}))) or "no"
     console.table(
         Table(
             title="after training, second minus first",
-            headers=("links broken or channel", "metric", "difference", "95% interval"),
+            headers=("through", "metric", "difference [95%]"),
             rows=tuple(rows_of),
-            caption=f"{found.episodes:,} episodes a run; below six pairs the lowest and the"
-            " highest; the interval is of each row alone.",
+            caption=f"{pairs} pairs, {found.episodes:,} episodes a run; below six pairs the lowest"
+            " and the highest; the interval is of each row alone.",
         ),
         numbers_from=2,
     )
@@ -101,10 +102,9 @@ def _of_curves(found: Comparison) -> str:
     return f"curves: differ most at {most[0]:,} env steps, by {most[1]:+.4g} {metric}"
 
 
-def _ends(each: Difference) -> str:
-    if each.interval is None:
-        return "1 pair"
-    return f"[{each.interval.low:.4g}, {each.interval.high:.4g}], {each.pairs} pairs"
+def _in_words(each: Difference) -> str:
+    between = f" [{each.interval.low:.3g}, {each.interval.high:.3g}]" if each.interval else ""
+    return f"{each.mean:+.3g}{between}"
 
 
 def _json(group: Group, found: Comparison) -> dict[str, Any]:
