@@ -53,6 +53,19 @@ def readings_of(environments: Sequence[str]) -> Mapping[str, Reading]:
     }
 
 
+def held_by(spec: Mapping[str, Any], environment: str) -> tuple[str, ...]:
+    """The readings that the settings of a run have; spec: its tables by SECTIONS."""
+    return tuple(
+        name
+        for name, reading in readings_of([environment]).items()
+        if all(
+            spec.get(section, {}).get(key) == value
+            for section in SECTIONS
+            for key, value in getattr(reading, section).items()
+        )
+    )
+
+
 def under(profile: str, readings: Sequence[str]) -> str:
     """What a profile is called under some readings: `quick-capture-once`.
 
