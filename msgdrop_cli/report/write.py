@@ -99,9 +99,24 @@ def figures_folder(results: Path, *names: str) -> Folder:
 
 
 def _beside_records(results: Path, kind: str, *names: str) -> Folder:
+    if published := _published_above(results):
+        inside = results.resolve().relative_to(published)
+        return Folder(pages_folder(results).root, PurePath(kind, inside, *names))
+    return Folder(results, PurePath(kind, *names))
+
+
+def pages_folder(results: Path) -> Folder:
+    """Where a page about the records in or below `results` goes: there, or beside `published`."""
+    if published := _published_above(results):
+        above = published.parent
+        return Folder(above if results.is_absolute() else Path(os.path.relpath(above)))
+    return Folder(results)
+
+
+def _published_above(results: Path) -> Path | None:
+    """The folder of what is published that `results` is, or is a part of."""
     place = results.resolve()
     for folder in (place, *place.parents[:_DEPTH]):
         if folder.name == _PUBLISHED and any(folder.glob(f"*/{TABLES}")):
-            root = folder.parent if results.is_absolute() else Path(os.path.relpath(folder.parent))
-            return Folder(root, PurePath(kind, place.relative_to(folder), *names))
-    return Folder(results, PurePath(kind, *names))
+            return folder
+    return None

@@ -1,0 +1,134 @@
+"""The page as a file: everything escaped, nothing from elsewhere, never too large."""
+
+import json
+import re
+from dataclasses import replace
+from html.parser import HTMLParser
+
+from msgdrop_cli.definition.readings import all_readings
+from msgdrop_cli.definition.statements import parse_register, read_register
+from msgdrop_cli.report.page.content import Picture
+from msgdrop_cli.report.page.elements import Html, el
+from msgdrop_cli.report.page.html import LARGEST, html
+from msgdrop_cli.report.page.markdown import markdown
+from tests.pages import page, png
+
+HOSTILE = "<script>alert(1)</script><img src=x onerror=alert(2)>\"'&| `x` </td></table>"
+
+
+class Elements(HTMLParser):
+    """Every element of a page with its attributes, and the texts outside of script and style."""
+
+    def __init__(self, content: bytes) -> None:
+        super().__init__()
+        self.found: list[tuple[str, dict[str, str | None]]] = []
+        self.texts: list[str] = []
+        self.feed(content.decode())
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        """Keep it."""
+        self.found.append((tag, dict(attrs)))
+
+    def handle_data(self, data: str) -> None:
+        """Keep it."""
+        self.texts.append(data)
+
+
+def test_no_text_of_a_record_becomes_markup() -> None:
+    """Labels, reasons, paths, machines: the same elements as with harmless ones."""
+    harmless, hostile = Elements(html(page())), Elements(html(page(HOSTILE)))
+    assert [tag for tag, _ in hostile.found if tag != "code"] == [
+        tag for tag, _ in harmless.found if tag != "code"
+    ]  # PAPER.md's backticks are code
+    assert [*map(set, (a for _, a in hostile.found))].count({"src", "onerror"}) == 0
+    assert sum(HOSTILE in text for text in hostile.texts) > 10
+
+
+def test_markdown_of_hostile_texts_has_no_markup() -> None:
+    """No tag, and no row with another number of cells."""
+    text = markdown(page(HOSTILE)).decode()
+    assert "<script" not in text
+    assert "<img" not in text
+    lines = markdown(page()).decode().splitlines()
+    cells = [len(re.findall(r"(?<!\\)\|", line)) for line in text.splitlines()]
+    assert cells == [line.count("|") for line in lines]
+
+
+def test_the_page_asks_for_nothing() -> None:
+    """Pictures are inside, links stay on the page, and the browser is told to refuse the rest."""
+    found = Elements(html(page())).found
+    sources = [a["src"] or "" for _, a in found if "src" in a]
+    assert sources
+    assert all(source.startswith("data:image/png;base64,") for source in sources)
+    links = [a["href"] or "" for _, a in found if "href" in a]
+    ids = {a["id"] for _, a in found if "id" in a}
+    assert {link.removeprefix("#") for link in links} <= ids
+    [policy] = [a["content"] for _, a in found if "http-equiv" in a]
+    assert policy is not None
+    assert policy.startswith("default-src 'none'")
+
+
+def test_every_id_is_there_once() -> None:
+    """So a link leads to one row."""
+    ids = [a["id"] for _, a in Elements(html(page())).found if "id" in a]
+    assert len(ids) == len(set(ids))
+
+
+def test_pictures_for_which_there_is_no_room_are_named() -> None:
+    """The page stays below its limit."""
+    sizes = {"large": 3_000_000, "larger": 3_100_000, "small": 0}
+    pictures = tuple(Picture(name, name, png(more=more)) for name, more in sizes.items())
+    content = html(replace(page(), pictures={"figure-6": pictures}))
+    assert len(content) <= LARGEST
+    shown = [a["alt"] for tag, a in Elements(content).found if tag == "img"]
+    assert shown == ["large", "small"]
+    assert b"larger: no room on a page of 5 MB; msgdrop plot draws it." in content
+
+
+def test_the_same_records_give_the_same_bytes() -> None:
+    """No clock, no chance."""
+    assert html(page()) == html(page())
+
+
+def test_all_six_words_are_counted() -> None:
+    """And how many under another reading; claims of nobody's paper are not among them."""
+    whole = page()
+    assert list(whole.counts.values()) == [2, 1, 1, 1, 1, 1]
+    assert whole.under_readings()["contradicted"] == 1
+    assert sum(whole.under_readings().values()) == 1
+    others = [replace(line, papers=False) for line in whole.sections[0].lines]
+    section = replace(whole.sections[0], lines=tuple(others))
+    assert sum(replace(whole, sections=(section,)).counts.values()) == 0
+
+
+def test_the_document_is_json() -> None:
+    """With the test's numbers by their names."""
+    document = json.loads(json.dumps(page().document(), allow_nan=False))
+    assert document["counts"]["supported"] == 2
+    [first, *_] = document["sections"][0]["lines"]
+    assert first["readings"][0]["difference"] == 2.5
+    assert first["decides"]["runs"] == 6
+
+
+def test_an_attribute_that_is_not_there_is_left_out() -> None:
+    """None and False; True stands alone, and texts are escaped."""
+    made = el("a", "<", Html("<b>"), href='"', hidden=True, title=None, open=False, data_x=1)
+    assert made == '<a href="&quot;" hidden data-x="1">&lt;<b></a>'
+
+
+def test_paper_md_is_read_as_it_stands() -> None:
+    """Every registered reading has its statement; what no claim stands for is told."""
+    register = read_register()
+    assert {name for each in register.statements for name in each.readings} == set(all_readings())
+    assert {each.chapter for each in register.statements if each.is_ours} >= {"Pursuit"}
+    assert any("l. 460" in says for says, _ in register.unclaimed)
+    assert all("no claim" in why for _, why in register.unclaimed)
+
+
+def test_a_cell_may_hold_an_escaped_bar() -> None:
+    """It is one cell."""
+    rows = ("## Games", "| the paper says (line) | a | b | c | d |", "|---|---|---|---|---|")
+    text = "\n".join([*rows, r"| x \|a\|^2 | y (ours) | code | test | - |"])
+    [statement] = parse_register(text).statements
+    assert statement.says == "x |a|^2"
+    assert statement.is_ours
