@@ -26,6 +26,7 @@ from msgdrop_cli.commands import (
     plot,
     publish,
     replay,
+    reproduce,
     status,
     train,
     unstable_test,
@@ -56,7 +57,7 @@ app = typer.Typer(
 )
 _COMMANDS = (
     *(ablate, train, eval, unstable_test, plot, status, explain, publish),
-    *(verify, replay, diff, export, import_archives),
+    *(reproduce, verify, replay, diff, export, import_archives),
 )
 for _command in _COMMANDS:
     app.add_typer(_command.app)

@@ -1,0 +1,233 @@
+"""Finds the runs that answer the questions that are shipped, whoever trained them first.
+
+A run answers a question if the question plans it, which its id says: names and folders do not
+count. So a run of somebody else's question, or one with a setting of its own, answers none.
+"""
+
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from msgdrop_cli.analysis.curves import learning_curve
+from msgdrop_cli.analysis.metrics import metrics_of
+from msgdrop_cli.analysis.reproduction import Answer
+from msgdrop_cli.analysis.summary import Summary, summarise
+from msgdrop_cli.commands.parts.carry_out import as_planned
+from msgdrop_cli.commands.parts.find_references import references_of
+from msgdrop_cli.definition.catalogue import Catalogue
+from msgdrop_cli.definition.plan import plan
+from msgdrop_cli.definition.readings import readings_of, under
+from msgdrop_cli.definition.run_id import run_id
+from msgdrop_cli.definition.spec import Definition, PlannedRun
+from msgdrop_cli.errors import RecordError
+from msgdrop_cli.records.folders import run_folders
+from msgdrop_cli.records.store import RunRecord, list_runs
+
+
+class Scale(NamedTuple):
+    """How a question was asked."""
+
+    profile: str
+    readings: tuple[str, ...]
+
+    @property
+    def name(self) -> str:
+        """What records call it."""
+        return under(self.profile, self.readings)
+
+
+@dataclass(frozen=True, slots=True)
+class ReadOnce(RunRecord):
+    """A run whose log is read once: several claims and figures look at it."""
+
+    log: list[list[dict[str, Any]]] = field(default_factory=list)
+
+    def metrics(self) -> list[dict[str, Any]]:
+        """The rows of its log, which nobody changes."""
+        if not self.log:
+            self.log.append(RunRecord.metrics(self))
+        return self.log[0]
+
+
+class Unreadable(NamedTuple):
+    """A run that is left out because it is damaged."""
+
+    path: Path
+    reason: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Answers:
+    """The questions with their runs, and what answers none."""
+
+    answers: tuple[Answer, ...]
+    records: tuple[RunRecord, ...]
+    """Those that answer a question, by the names of the first that plans them."""
+    others: tuple[RunRecord, ...]
+    """Those that answer none."""
+    unreadable: tuple[Unreadable, ...]
+    scales: Mapping[str, Scale]
+    """By the profile's name in the records."""
+
+
+def readable_runs(root: Path) -> tuple[list[RunRecord], list[Unreadable]]:
+    """Every run in or below a folder; a damaged record is no reason to show none.
+
+    Raises RecordError for a folder that is not there or cannot be read.
+    """
+    records, unreadable = [], []
+    for folder in run_folders(root).runs:
+        try:
+            records += list_runs(folder)
+        except RecordError as error:
+            unreadable.append(Unreadable(folder, str(error)))
+    return records, unreadable
+
+
+def find_answers(root: Path, definitions: Sequence[Definition], catalogue: Catalogue) -> Answers:
+    """Sort the runs of a results folder into the questions that plan them.
+
+    Raises RecordError for a folder that cannot be read; damaged runs are told of instead.
+    """
+    records, unreadable = readable_runs(root)
+    matched = [_Matched(definition, records, catalogue) for definition in definitions]
+    found: dict[tuple[str, str, str], RunRecord] = {}
+    for record in (record for each in matched for record in each.records):
+        key = (record.run_id, record.variant, record.profile)
+        found.setdefault(key, ReadOnce(record.path, record.run))
+    used = _sound(found.values(), _read_log, unreadable)
+    try:
+        summary = _summary(used, root)
+    except RecordError:  # whoever is damaged is looked for only if somebody is
+        used = _sound(used, lambda record: summarise([record]), unreadable)
+        summary = _summary(used, root)
+    answers = tuple(
+        Answer(definition=definition, summary=_of(definition, each.ids, summary))
+        for definition, each in zip(definitions, matched, strict=True)
+    )
+    ids = {record.run_id for record in used}
+    once = {record.run_id: record for record in used}
+    paths = {each.path for each in unreadable}
+    return Answers(
+        answers=answers,
+        records=tuple(once.values()),
+        others=tuple(r for r in records if r.run_id not in ids and r.path not in paths),
+        unreadable=tuple(unreadable),
+        scales={scale.name: scale for each in matched for scale in each.scales},
+    )
+
+
+def whole(definition: Definition) -> Definition:
+    """The question with all of its games and variants in every profile, as its figures ask it."""
+    profiles = {
+        name: replace(profile, environments=None, variants=None)
+        for name, profile in definition.profiles.items()
+    }
+    return replace(definition, profiles=profiles)
+
+
+class _Matched:
+    """The records that a question plans, by its names."""
+
+    def __init__(
+        self, definition: Definition, records: Sequence[RunRecord], catalogue: Catalogue
+    ) -> None:
+        by_id: dict[str, list[RunRecord]] = {}
+        for record in records:
+            by_id.setdefault(record.run_id, []).append(record)
+        seeds = sorted({record.seed for record in records})
+        self.records: list[RunRecord] = []
+        self.ids: set[tuple[str, str, str]] = set()
+        self.scales: list[Scale] = []
+        for scale in _scales(definition, records):
+            mine = 0
+            for run in _planned(definition, scale, catalogue, seeds):
+                for record in by_id.pop(run.run_id, ()):  # once: the scale most records name
+                    self.records.append(as_planned(record, run))
+                    self.ids.add((run.run_id, run.variant, run.profile))
+                    mine += 1
+            if mine:
+                self.scales.append(scale)
+
+
+def _scales(definition: Definition, records: Sequence[RunRecord]) -> list[Scale]:
+    """The question's profiles, and those under readings that records name; the most named first."""
+    named = Counter(record.profile for record in records)
+    readings = sorted(readings_of(definition.environments), key=len, reverse=True)
+    scales = {Scale(profile, ()): named[profile] for profile in definition.profiles}
+    for name in named.keys() - definition.profiles.keys():
+        for profile in definition.profiles:
+            rest = _split(name.removeprefix(profile), readings)
+            scale = Scale(profile, rest)
+            if name.startswith(f"{profile}-") and rest and scale.name == name:
+                scales[scale] = named[name]
+    return sorted(scales, key=lambda scale: (-scales[scale], len(scale.readings)))
+
+
+def _split(text: str, readings: Sequence[str]) -> tuple[str, ...]:
+    """`-capture-once-huber` as the readings that it names; none if it names anything else."""
+    if not text:
+        return ()
+    for name in readings:
+        if text.startswith(f"-{name}"):
+            left = text.removeprefix(f"-{name}")
+            more = _split(left, readings)
+            if more or not left:
+                return (name, *more)
+    return ()
+
+
+def _planned(
+    definition: Definition, scale: Scale, catalogue: Catalogue, seeds: Sequence[int]
+) -> Iterator[PlannedRun]:
+    """The runs of a scale for these seeds: a plan for the first, which others differ from by it."""
+    if not seeds:
+        return
+    asked = plan(
+        whole(definition), scale.profile, catalogue, readings=scale.readings, seeds=seeds[:1]
+    )
+    for run in asked.runs:
+        for seed in seeds:
+            spec = replace(run.spec, seed=seed)
+            yield replace(run, spec=spec, run_id=run_id(spec))
+
+
+def _summary(records: Sequence[RunRecord], root: Path) -> Summary:
+    return summarise(records, references=references_of(records, root))
+
+
+def _sound(
+    records: Iterable[RunRecord],
+    check: Callable[[RunRecord], object],
+    unreadable: list[Unreadable],
+) -> list[RunRecord]:
+    """The runs that pass a check; the others are told of."""
+    sound = []
+    for record in records:
+        try:
+            check(record)
+            sound.append(record)
+        except RecordError as error:
+            unreadable.append(Unreadable(record.path, str(error)))
+    return sound
+
+
+def _read_log(record: RunRecord) -> None:
+    if record.status == "done":
+        learning_curve([record], metrics_of(record).headline.name)
+
+
+def _of(definition: Definition, ids: set[tuple[str, str, str]], summary: Summary) -> Summary:
+    """The arms whose runs are among these, by the question's labels and in its order."""
+    named = {each[1:] for each in ids}
+    arms = [
+        replace(arm, label=definition.variants[arm.variant].label)
+        for arm in summary.arms
+        if (arm.variant, arm.group.profile) in named
+        and {(run.run_id, arm.variant, arm.group.profile) for run in arm.done} <= ids
+    ]
+    order = list(definition.variants)
+    arms.sort(key=lambda arm: (arm.group, order.index(arm.variant)))
+    return replace(summary, arms=tuple(arms))

@@ -1,0 +1,114 @@
+"""Puts the page together: runs, verdicts, what would decide them, figures, tables."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+from msgdrop_cli import __version__
+from msgdrop_cli.analysis.provenance import Dropped, lost_runs, makers, runs_of_no_claim
+from msgdrop_cli.analysis.reproduction import Section, reproduce
+from msgdrop_cli.analysis.summary import Group, Summary
+from msgdrop_cli.commands.parts.answers import Answers, find_answers
+from msgdrop_cli.commands.parts.ways import with_ways
+from msgdrop_cli.definition.figures import all_figures
+from msgdrop_cli.definition.load import list_definitions, load_definition
+from msgdrop_cli.definition.readings import all_readings
+from msgdrop_cli.definition.statements import read_register
+from msgdrop_cli.report.figures import draw_all, file_stem
+from msgdrop_cli.report.page.content import Page, Picture
+from msgdrop_cli.report.table import Table, channels_table, results_table
+from msgdrop_cli.report.write import Folder
+from msgdrop_cli.signals import scratch_folder
+
+
+def paper_page(root: Path) -> Page:
+    """The page of the records in or below a folder. Loads torch and matplotlib.
+
+    Raises RecordError for a folder that cannot be read.
+    """
+    from msgdrop_cli.engine.facts import commit
+    from msgdrop_cli.engine.offers import catalogue
+
+    offers = catalogue()
+    definitions = [load_definition(name) for name in list_definitions()]
+    answers = find_answers(root, definitions, offers)
+    sections = with_ways(reproduce(answers.answers, all_figures()), answers, offers)
+    summaries = {each.definition.name: each.summary for each in answers.answers}
+    pictures = _pictures(sections, summaries)
+    return Page(
+        sections=sections,
+        pictures=pictures,
+        tables={
+            section.key: _tables(_part(summaries[section.question], section))
+            for section in sections
+        },
+        register=read_register(),
+        readings={name: each.says for name, each in all_readings().items()},
+        makers=makers(answers.records),
+        dropped=_dropped(answers),
+        folder=str(root),
+        version=__version__,
+        commit=commit(),
+    )
+
+
+def _part(summary: Summary, section: Section) -> Summary:
+    """Of a question's arms those in the section's games."""
+    arms = [arm for arm in summary.arms if arm.group.environment in section.environments]
+    return replace(summary, arms=tuple(arms))
+
+
+def _tables(summary: Summary) -> tuple[Table, ...]:
+    found = []
+    for group in summary.groups:
+        found.append(results_table(summary, group))
+        if len({row.channel for arm in summary.arms_of(group) for row in arm.rows}) > 1:
+            found.append(channels_table(summary, group))
+    return tuple(found)
+
+
+def _pictures(
+    sections: Sequence[Section], summaries: dict[str, Summary]
+) -> dict[str, tuple[Picture, ...]]:
+    """The figures of each section's question that show what its claims are about."""
+    found: dict[str, tuple[Picture, ...]] = {}
+    for question, summary in summaries.items():
+        mine = [section for section in sections if section.question == question]
+        if not summary.arms or not mine:
+            continue
+        with scratch_folder() as scratch:
+            drawn = [path for path in draw_all(summary, Folder(scratch)) if path.suffix == ".png"]
+            pictures = [(path.stem, path.read_bytes()) for path in drawn]
+        for section in mine:
+            found[section.key] = tuple(
+                Picture(name, _alt(name, section), png)
+                for name, png in pictures
+                if _belongs(name, section, summary.groups)
+            )
+    return found
+
+
+def _belongs(name: str, section: Section, groups: Sequence[Group]) -> bool:
+    """Whether a figure shows what a section is about: its games, its measure, its channels."""
+    mine = [group for group in groups if group.environment in section.environments]
+    kinds = [name.removeprefix(f"{file_stem(group)}-") for group in mine]
+    kind = next((kind for kind in kinds if kind != name), None)
+    if kind is None:
+        return False
+    if "learning" in kind:
+        return "learning" in section.measures
+    through = any(line.channel for line in section.lines)
+    beside_the_point = kind == "dropout-rate" if through else kind in ("broken-links", "matrix")
+    return "evaluation" in section.measures and not beside_the_point
+
+
+def _alt(name: str, section: Section) -> str:
+    return f"{section.title}: {name}"
+
+
+def _dropped(answers: Answers) -> tuple[Dropped, ...]:
+    unreadable = [
+        Dropped(what="unreadable", name=str(each.path), runs=1, reason=each.reason)
+        for each in answers.unreadable
+    ]
+    return (*lost_runs(answers.records), *unreadable, *runs_of_no_claim(answers.others))

@@ -1,0 +1,181 @@
+"""How each claim gets its row: the command that makes it, what would decide it, at what cost."""
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import replace
+
+from msgdrop_cli.analysis.reproduction import Answer, Decides, Line, Section
+from msgdrop_cli.analysis.sign_flips import smallest_p
+from msgdrop_cli.commands.parts.answers import Answers, Scale, whole
+from msgdrop_cli.commands.parts.estimate import estimate
+from msgdrop_cli.commands.parts.survey import Survey
+from msgdrop_cli.definition.catalogue import Catalogue
+from msgdrop_cli.definition.figures import all_figures
+from msgdrop_cli.definition.plan import plan
+from msgdrop_cli.definition.spec import Definition, PlannedRun, Registration
+
+_PAPER = "paper"
+"""Profiles of the paper's length begin with it: days, so not what is asked first."""
+
+
+def with_ways(
+    sections: Sequence[Section], answers: Answers, catalogue: Catalogue
+) -> tuple[Section, ...]:
+    """The same sections; every line has its command, and the open ones what would decide them."""
+    guides = {each.definition.name: _Guide(each, answers, catalogue) for each in answers.answers}
+    lines = [line for section in sections for line in section.lines]
+    for guide in guides.values():
+        guide.prefer([line for line in lines if line.question == guide.definition.name])
+    return tuple(
+        replace(
+            section,
+            lines=tuple(
+                guides[line.question].complete(line, section.key) for line in section.lines
+            ),
+        )
+        for section in sections
+    )
+
+
+class _Guide:
+    """Knows the scales of one question, and what their runs cost here."""
+
+    def __init__(self, answer: Answer, answers: Answers, catalogue: Catalogue) -> None:
+        self.definition = answer.definition
+        self.answers, self.catalogue = answers, catalogue
+        self.done: dict[tuple[str, str, str], set[int]] = {}
+        self.lost: dict[tuple[str, str, str], frozenset[int]] = {}
+        for arm in answer.summary.arms:
+            key = (arm.group.environment, arm.variant, arm.group.profile)
+            self.done[key] = {record.seed for record in arm.done}
+            self.lost[key] = arm.lost
+        self.finished = [r for r in (*answers.records, *answers.others) if r.status == "done"]
+        self.runs: dict[Scale, dict[tuple[str, str], PlannedRun]] = {}
+        self.seconds: dict[tuple[Scale, str, str], float] = {}
+        self.usual: Scale | None = None
+
+    def prefer(self, lines: Sequence[Line]) -> None:
+        """Take the scale at which most of these lines were judged for those that were not."""
+        told = Counter(line.shown.profile for line in lines if line.shown)
+        if told:
+            self.usual = self.answers.scales[told.most_common(1)[0][0]]
+
+    def complete(self, line: Line, figure: str) -> Line:
+        """The line with its command and what would decide it."""
+        shown = line.shown
+        scale = self.answers.scales[shown.profile] if shown else self._first_scale(line)
+        seeds = self._seeds_there(line, scale) if shown else set(range(1, self._first_look() + 1))
+        return replace(
+            line,
+            command=self._command(line, figure, scale, seeds),
+            decides=self._decides(line, scale) if line.word in ("undecided", "not run") else None,
+        )
+
+    def _first_look(self) -> int:
+        """The first look that can decide anything."""
+        rule = self.definition.registration
+        return _deciding_looks(rule)[0] if rule else 1
+
+    def _first_scale(self, line: Line) -> Scale:
+        """The scale to begin with: that of its neighbours, or the one with most seeds in hours."""
+        if self.usual:
+            return self.usual
+        names = [name for name in self.definition.profiles if not name.startswith(_PAPER)]
+        names = names or list(self.definition.profiles)
+        most = max(_count(self.definition, name) for name in names)
+        return Scale([name for name in names if _count(self.definition, name) == most][-1], ())
+
+    def _seeds_there(self, line: Line, scale: Scale) -> set[int]:
+        arms = [(line.environment, arm, scale.name) for arm in (line.better, line.worse)]
+        return set().union(*(self.done.get(arm, set()) | self.lost.get(arm, set()) for arm in arms))
+
+    def _command(self, line: Line, figure: str, scale: Scale, seeds: set[int]) -> str:
+        profile = self.definition.profiles[scale.profile]
+        name = line.question
+        if not (
+            line.environment in (profile.environments or self.definition.environments)
+            and {line.better, line.worse} <= set(profile.variants or self.definition.variants)
+        ):
+            name = self._figure(line, figure)
+        under = "".join(f" --reading {each}" for each in scale.readings)
+        return f"msgdrop ablate {name} --profile {scale.profile}{under} --seeds {_listed(seeds)}"
+
+    def _figure(self, line: Line, figure: str) -> str:
+        """The figure that has its game and variants in every profile."""
+        named = [
+            name
+            for name, each in all_figures().items()
+            if each.question == line.question and line.environment in each.environments
+        ]
+        return figure if figure in named else next(iter(named), line.question)
+
+    def _decides(self, line: Line, scale: Scale) -> Decides | None:
+        rule, shown = self.definition.registration, line.shown
+        if rule is None:
+            return None
+        prospect = shown.prospect if shown else None
+        there = shown.seeds if shown else 0
+        looks = [look for look in _deciding_looks(rule) if look > there]
+        if prospect is None and not looks:
+            return None
+        seeds = prospect.seeds if prospect else looks[0]
+        missing, seconds = 0, 0.0
+        for variant in (line.better, line.worse):
+            done = self.done.get((line.environment, variant, scale.name), set())
+            lacks = seeds - sum(seed <= seeds for seed in done)
+            missing += lacks
+            seconds += lacks * self._a_run(scale, line.environment, variant)
+        return Decides(
+            seeds=seeds,
+            forecast=prospect is not None,
+            registered=seeds in rule.looks,
+            runs=missing,
+            seconds=seconds,
+        )
+
+    def _a_run(self, scale: Scale, environment: str, variant: str) -> float:
+        """Seconds that one run takes here, on one core."""
+        key = (scale, environment, variant)
+        if key not in self.seconds:
+            run = self._planned(scale)[environment, variant]
+            self.seconds[key] = estimate(
+                Survey(runs=(run,), records={}),
+                [(run,)],
+                self.finished,
+                workers=1,
+                device="cpu",
+                episodes=1,
+                evaluations=1,
+            ).seconds
+        return self.seconds[key]
+
+    def _planned(self, scale: Scale) -> dict[tuple[str, str], PlannedRun]:
+        if scale not in self.runs:
+            asked = plan(
+                whole(self.definition),
+                scale.profile,
+                self.catalogue,
+                readings=scale.readings,
+                seeds=(1,),
+            )
+            self.runs[scale] = {(run.spec.environment, run.variant): run for run in asked.runs}
+        return self.runs[scale]
+
+
+def _deciding_looks(rule: Registration) -> list[int]:
+    """Those that come after what had been seen, and whose smallest p is small enough."""
+    spent = zip(rule.looks, rule.alpha_spent, strict=True)
+    able = [n for n, alpha in spent if n > rule.seen and smallest_p(n, rule.sides) <= alpha]
+    return able or [rule.looks[-1]]
+
+
+def _count(definition: Definition, profile: str) -> int:
+    seeds = definition.profiles[profile].seeds
+    return seeds if isinstance(seeds, int) else len(seeds)
+
+
+def _listed(seeds: set[int]) -> str:
+    """What `--seeds` takes: `10` for 1 to 10, else all of them."""
+    if seeds == set(range(1, len(seeds) + 1)):
+        return str(len(seeds))
+    return "".join(f"{seed}," for seed in sorted(seeds))

@@ -1,0 +1,136 @@
+"""`msgdrop reproduce`: from records to the page, as people type it."""
+
+import json
+import shlex
+import shutil
+from collections import Counter
+from functools import cache
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import pytest
+
+from msgdrop_cli.definition.load import list_definitions, load_definition
+from msgdrop_cli.definition.plan import Plan, parse_seeds, plan
+from msgdrop_cli.engine.offers import catalogue
+from tests.answering_runs import write_answers
+from tests.cli_runs import ROOT, Said, msgdrop
+
+CATALOGUE = catalogue()
+STUDIES = ("navigation-half-million", "waterworld-half-million")
+FILES = ["reproduce.html", "reproduce.json", "reproduce.md"]
+
+
+class Made(NamedTuple):
+    """A page, and what was said of it."""
+
+    folder: Path
+    said: Said
+    document: dict[str, Any]
+
+    @property
+    def lines(self) -> list[dict[str, Any]]:
+        """Every claim."""
+        return [line for section in self.document["sections"] for line in section["lines"]]
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory: pytest.TempPathFactory) -> Made:
+    """Two published studies, some own runs that failed, and a run of nobody's claim."""
+    folder = tmp_path_factory.mktemp("clone") / "results"
+    for study in STUDIES:
+        shutil.copytree(ROOT / "results" / "published" / study, folder / "published" / study)
+    write_answers(folder, status="failed", reason="<b>out of memory</b>")
+    said = msgdrop("reproduce", folder)
+    return Made(folder, said, json.loads((folder / "reproduce.json").read_text()))
+
+
+def test_three_files_are_written_and_named(made: Made) -> None:
+    """With the counts of all six words; nothing else changes."""
+    assert made.said.code == 0, made.said.err
+    assert sorted(path.name for path in made.folder.glob("*.*")) == FILES
+    assert all(str(made.folder / name) in made.said.out for name in FILES)
+    for word, count in made.document["counts"].items():
+        assert f"{word} {count}" in " ".join(made.said.out.split())
+
+
+def test_no_claim_is_left_out(made: Made) -> None:
+    """Of any shipped question, run or not; the counts are the paper's."""
+    claims = Counter(name for name in list_definitions() for _ in load_definition(name).claims)
+    assert Counter(line["question"] for line in made.lines) == claims
+    words = Counter(line["word"] for line in made.lines if line["papers"])
+    assert {word: count for word, count in made.document["counts"].items() if count} == words
+
+
+def test_what_is_published_is_told(made: Made) -> None:
+    """Two seeds of navigation and waterworld: estimates, each with what would decide it."""
+    told = [line for line in made.lines if line["readings"] and line["readings"][0]["seeds"]]
+    assert {line["environment"] for line in told if line["word"] == "undecided"} == {
+        "navigation-n8",
+        "waterworld-n8",
+    }
+    for line in told:
+        assert line["decides"]["seeds"] == 10  # at 6 no p is small enough
+        assert line["decides"]["runs"] == 16
+        assert line["decides"]["seconds"] > 0.0
+
+
+def test_failed_runs_are_named_with_their_reason(made: Made) -> None:
+    """Escaped, too."""
+    failed = [each for each in made.document["dropped"] if each["what"] == "failed"]
+    assert len(failed) == 8
+    assert {each["reason"] for each in failed} == {"<b>out of memory</b>"}
+    page = (made.folder / "reproduce.html").read_text()
+    assert "&lt;b&gt;out of memory&lt;/b&gt;" in page
+    assert "<b>out of memory" not in page
+
+
+def test_figures_stand_with_the_claims_that_they_show(made: Made) -> None:
+    """Learning curves with what is said of learning."""
+    page = (made.folder / "reproduce.html").read_text()
+    section = page.partition('id="figure-3c"')[2].partition("<section")[0]
+    assert section.count("data:image/png;base64,") == 1
+    assert "navigation-n8-half-million-500000-learning" in section
+
+
+@cache
+def asked(command: str) -> Plan:
+    """What a row's command plans."""
+    program, ablate, name, *options = shlex.split(command)
+    assert (program, ablate) == ("msgdrop", "ablate")
+    said = dict(zip(options[::2], options[1::2], strict=True))
+    readings = [said["--reading"]] if "--reading" in said else []
+    seeds = parse_seeds(said["--seeds"])
+    return plan(load_definition(name), said["--profile"], CATALOGUE, readings=readings, seeds=seeds)
+
+
+def test_every_rows_command_makes_the_row(made: Made) -> None:
+    """It plans both arms in the row's game, judges the claim, and has the runs that are there."""
+    for line in made.lines:
+        found = asked(line["command"])
+        ordering = (line["better"], line["worse"], line["environment"], line["measure"])
+        claims = [(c.better, c.worse, c.environment, c.measure) for c in found.claims]
+        assert ordering in claims, line["command"]
+        runs = {run.run_id for run in found.runs}
+        assert all(runs.issuperset(each["runs"]) for each in line["readings"][:1])
+
+
+def test_json_is_the_document(made: Made, tmp_path: Path) -> None:
+    """On stdout what stands in the file; what is published is never written to."""
+    folder = tmp_path / "results"
+    study = folder / "published" / STUDIES[0]
+    shutil.copytree(made.folder / "published" / STUDIES[0], study)
+    before = sorted(study.rglob("*"))
+    said = msgdrop("reproduce", folder / "published", "--json")
+    assert said.code == 0, said.err
+    assert json.loads(said.out) == json.loads((folder / "reproduce.json").read_text())
+    assert sorted(path.name for path in folder.glob("*.*")) == FILES
+    assert sorted(study.rglob("*")) == before
+
+
+def test_a_folder_that_is_not_there_is_refused(tmp_path: Path) -> None:
+    """Nothing is made for it."""
+    said = msgdrop("reproduce", tmp_path / "nowhere")
+    assert said.code == 2
+    assert "nowhere" in said.err
+    assert not (tmp_path / "nowhere").exists()
