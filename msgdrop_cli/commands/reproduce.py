@@ -2,27 +2,46 @@
 
 import json as json_text
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from msgdrop_cli.commands.parts import console, options
+from msgdrop_cli.errors import DefinitionError
 
 if TYPE_CHECKING:
     from msgdrop_cli.report.page.content import Page
 
 app = typer.Typer()
 _NAME = "reproduce"
+_Train = Annotated[
+    bool, typer.Option("--train", help="Train what open claims lack first, seed by seed.")
+]
+_Budget = Annotated[
+    str | None, typer.Option(metavar="TIME", help="With --train: for so long, 6h or 90min.")
+]
 
 
-@app.command(epilog=options.examples("reproduce", "reproduce other-results", "reproduce --json"))
-def reproduce(results: options.Folder = Path("results"), json: options.Json = False) -> int:
+@app.command(epilog=options.examples("reproduce", "reproduce --train --budget 6h"))
+def reproduce(
+    results: options.Folder = Path("results"),
+    train: _Train = False,
+    budget: _Budget = None,
+    workers: options.Workers = 2,
+    device: options.Device = "cpu",
+    json: options.Json = False,
+) -> int:
     """Put the paper on one page, claim by claim.
 
     Every claim of every question with its verdict under each reading that has runs, what would
     decide it, and the command that makes its row again: RESULTS/reproduce.html, which needs
-    nothing else, reproduce.md and reproduce.json. Nothing is trained.
+    nothing else, reproduce.md and reproduce.json. Nothing is trained unless --train asks for it.
     """
+    options.check_workers(workers)
+    options.check_device_name(device)
+    if budget is not None and not train:
+        raise DefinitionError("--budget: of what? it is the time that --train may take")
+    code = _train(results, budget, workers, device) if train else 0
     from msgdrop_cli.commands.parts.paper_page import paper_page
     from msgdrop_cli.report.page.html import html
     from msgdrop_cli.report.page.markdown import markdown
@@ -36,9 +55,18 @@ def reproduce(results: options.Folder = Path("results"), json: options.Json = Fa
     paths = [write_atomic(folder, f"{_NAME}.{kind}", made) for kind, made in contents.items()]
     if json:
         console.result_json(document)
-        return 0
+        return code
     _show(page, paths)
-    return 0
+    return code
+
+
+def _train(results: Path, budget: str | None, workers: int, device: str) -> int:
+    from msgdrop_cli.commands.parts.paper_page import train
+    from msgdrop_cli.commands.parts.train_missing import Means, seconds
+
+    budget_s = None if budget is None else seconds(budget)
+    options.check_device(device)
+    return train(results, Means(workers=workers, device=device, budget_s=budget_s))
 
 
 def _show(page: "Page", paths: list[Path]) -> None:

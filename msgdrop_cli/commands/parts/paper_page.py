@@ -9,7 +9,9 @@ from msgdrop_cli.analysis.provenance import Dropped, lost_runs, makers, runs_of_
 from msgdrop_cli.analysis.reproduction import Section, reproduce
 from msgdrop_cli.analysis.summary import Group, Summary
 from msgdrop_cli.commands.parts.answers import Answers, find_answers
-from msgdrop_cli.commands.parts.ways import with_ways
+from msgdrop_cli.commands.parts.estimate import check_folder
+from msgdrop_cli.commands.parts.train_missing import Means, train_missing
+from msgdrop_cli.commands.parts.ways import wanted_runs, with_ways
 from msgdrop_cli.definition.figures import all_figures
 from msgdrop_cli.definition.load import list_definitions, load_definition
 from msgdrop_cli.definition.readings import all_readings
@@ -21,6 +23,19 @@ from msgdrop_cli.report.write import Folder
 from msgdrop_cli.signals import scratch_folder
 
 
+def train(root: Path, means: Means) -> int:
+    """Train what the open claims of the records in a folder lack; returns the exit code.
+
+    Raises DefinitionError, RecordError and Stopped as `train_missing`.
+    """
+    from msgdrop_cli.engine.offers import catalogue
+
+    check_folder(root, 0)
+    answers, sections = _told(root)
+    finished = [record for record in answers.records if record.status == "done"]
+    return train_missing(wanted_runs(sections, answers, catalogue()), finished, root, means)
+
+
 def paper_page(root: Path) -> Page:
     """The page of the records in or below a folder. Loads torch and matplotlib.
 
@@ -29,10 +44,8 @@ def paper_page(root: Path) -> Page:
     from msgdrop_cli.engine.facts import commit
     from msgdrop_cli.engine.offers import catalogue
 
-    offers = catalogue()
-    definitions = [load_definition(name) for name in list_definitions()]
-    answers = find_answers(root, definitions, offers)
-    sections = with_ways(reproduce(answers.answers, all_figures()), answers, offers)
+    answers, judged = _told(root)
+    sections = with_ways(judged, answers, catalogue())
     summaries = {each.definition.name: each.summary for each in answers.answers}
     pictures = _pictures(sections, summaries)
     return Page(
@@ -50,6 +63,15 @@ def paper_page(root: Path) -> Page:
         version=__version__,
         commit=commit(),
     )
+
+
+def _told(root: Path) -> tuple[Answers, tuple[Section, ...]]:
+    """The runs of a folder, and what they say of every claim."""
+    from msgdrop_cli.engine.offers import catalogue
+
+    definitions = [load_definition(name) for name in list_definitions()]
+    answers = find_answers(root, definitions, catalogue())
+    return answers, reproduce(answers.answers, all_figures())
 
 
 def _part(summary: Summary, section: Section) -> Summary:

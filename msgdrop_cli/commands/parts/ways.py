@@ -2,39 +2,69 @@
 
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 from msgdrop_cli.analysis.reproduction import Answer, Decides, Line, Section
 from msgdrop_cli.analysis.sign_flips import smallest_p
+from msgdrop_cli.analysis.verdict import Word
 from msgdrop_cli.commands.parts.answers import Answers, Scale, whole
 from msgdrop_cli.commands.parts.estimate import estimate
 from msgdrop_cli.commands.parts.survey import Survey
 from msgdrop_cli.definition.catalogue import Catalogue
+from msgdrop_cli.definition.channel import Channel
 from msgdrop_cli.definition.figures import all_figures
-from msgdrop_cli.definition.plan import plan
+from msgdrop_cli.definition.plan import Plan, plan
+from msgdrop_cli.definition.run_id import run_id
 from msgdrop_cli.definition.spec import Definition, PlannedRun, Registration
 
+_OPEN: tuple[Word, ...] = ("undecided", "not run")
 _PAPER = "paper"
 """Profiles of the paper's length begin with it: days, so not what is asked first."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Wanted:
+    """A run that an open claim lacks, and what it is to be evaluated with."""
+
+    run: PlannedRun
+    channels: tuple[Channel, ...]
+    episodes: int
 
 
 def with_ways(
     sections: Sequence[Section], answers: Answers, catalogue: Catalogue
 ) -> tuple[Section, ...]:
     """The same sections; every line has its command, and the open ones what would decide them."""
+    guides = _guides(sections, answers, catalogue)
+    completed = []
+    for section in sections:
+        lines = (guides[line.question].complete(line, section.key) for line in section.lines)
+        completed.append(replace(section, lines=tuple(lines)))
+    return tuple(completed)
+
+
+def wanted_runs(
+    sections: Sequence[Section], answers: Answers, catalogue: Catalogue
+) -> list[Wanted]:
+    """The runs that open claims lack for their next registered look that can decide them."""
+    guides = _guides(sections, answers, catalogue)
+    return [
+        wanted
+        for section in sections
+        for line in section.lines
+        if line.word in _OPEN
+        for wanted in guides[line.question].wanted(line)
+    ]
+
+
+def _guides(
+    sections: Sequence[Section], answers: Answers, catalogue: Catalogue
+) -> "dict[str, _Guide]":
     guides = {each.definition.name: _Guide(each, answers, catalogue) for each in answers.answers}
     lines = [line for section in sections for line in section.lines]
     for guide in guides.values():
         guide.prefer([line for line in lines if line.question == guide.definition.name])
-    return tuple(
-        replace(
-            section,
-            lines=tuple(
-                guides[line.question].complete(line, section.key) for line in section.lines
-            ),
-        )
-        for section in sections
-    )
+    return guides
 
 
 class _Guide:
@@ -50,7 +80,7 @@ class _Guide:
             self.done[key] = {record.seed for record in arm.done}
             self.lost[key] = arm.lost
         self.finished = [r for r in (*answers.records, *answers.others) if r.status == "done"]
-        self.runs: dict[Scale, dict[tuple[str, str], PlannedRun]] = {}
+        self.plans: dict[Scale, Plan] = {}
         self.seconds: dict[tuple[Scale, str, str], float] = {}
         self.usual: Scale | None = None
 
@@ -68,8 +98,32 @@ class _Guide:
         return replace(
             line,
             command=self._command(line, figure, scale, seeds),
-            decides=self._decides(line, scale) if line.word in ("undecided", "not run") else None,
+            decides=self._decides(line, scale) if line.word in _OPEN else None,
         )
+
+    def wanted(self, line: Line) -> list[Wanted]:
+        """The runs of both arms that are missing at the next look that can decide it."""
+        rule, shown = self.definition.registration, line.shown
+        there = shown.seeds if shown else 0
+        looks = [look for look in _deciding_looks(rule) if look > there] if rule else []
+        if not looks:
+            return []
+        scale = self.answers.scales[shown.profile] if shown else self._first_scale(line)
+        asked = self._plan(scale)
+        found = []
+        for variant in (line.better, line.worse):
+            done = self.done.get((line.environment, variant, scale.name), set())
+            run = self._planned(scale, line.environment, variant)
+            for seed in sorted(set(range(1, looks[0] + 1)) - done):
+                spec = replace(run.spec, seed=seed)
+                found.append(
+                    Wanted(
+                        run=replace(run, spec=spec, run_id=run_id(spec)),
+                        channels=asked.channels,
+                        episodes=asked.evaluation_episodes,
+                    )
+                )
+        return found
 
     def _first_look(self) -> int:
         """The first look that can decide anything."""
@@ -137,7 +191,7 @@ class _Guide:
         """Seconds that one run takes here, on one core."""
         key = (scale, environment, variant)
         if key not in self.seconds:
-            run = self._planned(scale)[environment, variant]
+            run = self._planned(scale, environment, variant)
             self.seconds[key] = estimate(
                 Survey(runs=(run,), records={}),
                 [(run,)],
@@ -149,17 +203,24 @@ class _Guide:
             ).seconds
         return self.seconds[key]
 
-    def _planned(self, scale: Scale) -> dict[tuple[str, str], PlannedRun]:
-        if scale not in self.runs:
-            asked = plan(
+    def _planned(self, scale: Scale, environment: str, variant: str) -> PlannedRun:
+        return next(
+            run
+            for run in self._plan(scale).runs
+            if (run.spec.environment, run.variant) == (environment, variant)
+        )
+
+    def _plan(self, scale: Scale) -> Plan:
+        """All games and variants of a scale, with seed 1 alone."""
+        if scale not in self.plans:
+            self.plans[scale] = plan(
                 whole(self.definition),
                 scale.profile,
                 self.catalogue,
                 readings=scale.readings,
                 seeds=(1,),
             )
-            self.runs[scale] = {(run.spec.environment, run.variant): run for run in asked.runs}
-        return self.runs[scale]
+        return self.plans[scale]
 
 
 def _deciding_looks(rule: Registration) -> list[int]:

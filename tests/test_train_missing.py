@@ -1,0 +1,102 @@
+"""`msgdrop reproduce --train`: what open claims lack, every variant's seed 1 first."""
+
+from pathlib import Path
+
+import pytest
+
+from msgdrop_cli.analysis.reproduction import reproduce
+from msgdrop_cli.commands.parts import paper_page
+from msgdrop_cli.commands.parts.answers import find_answers
+from msgdrop_cli.commands.parts.train_missing import breadth_first, seconds
+from msgdrop_cli.commands.parts.ways import Wanted, wanted_runs
+from msgdrop_cli.definition.channel import NONE_BROKEN, Channel
+from msgdrop_cli.definition.figures import all_figures
+from msgdrop_cli.definition.load import load_definition
+from msgdrop_cli.definition.plan import plan
+from msgdrop_cli.engine.offers import catalogue
+from msgdrop_cli.errors import DefinitionError
+from msgdrop_cli.records.store import list_runs
+from tests.answering_runs import write_answers
+from tests.cli_runs import msgdrop
+
+OFFERS = catalogue()
+HALF = Channel.read(0.5)
+
+
+@pytest.fixture(autouse=True)
+def no_references(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Nobody plays reference policies here."""
+    place = "msgdrop_cli.commands.parts.answers.references_of"
+    monkeypatch.setattr(place, lambda records, root: {})
+
+
+def wanted(*channels: Channel, seeds: int = 3, episodes: int = 10) -> list[Wanted]:
+    """The runs of a question, variant by variant."""
+    asked = plan(load_definition("broken-links"), "quick", OFFERS, seeds=range(1, seeds + 1))
+    return [Wanted(run=run, channels=channels, episodes=episodes) for run in asked.runs]
+
+
+def test_every_variant_gets_seed_1_before_any_gets_seed_2() -> None:
+    """So a study that is cut short is balanced; of one seed nobody changes the order."""
+    ordered = [(each.run.spec.seed, each.run.variant) for each in breadth_first(wanted())]
+    assert ordered == [
+        (seed, variant) for seed in (1, 2, 3) for variant in ("fdc", "dcc", "md-0.2", "md-0.5")
+    ]
+
+
+def test_a_run_that_two_claims_want_is_one() -> None:
+    """Evaluated with the channels of both, in as many episodes as either wants."""
+    both = breadth_first([*wanted(NONE_BROKEN), *wanted(HALF, NONE_BROKEN, episodes=20)])
+    assert len(both) == 12
+    assert {(each.channels, each.episodes) for each in both} == {((NONE_BROKEN, HALF), 20)}
+
+
+def test_what_is_wanted_is_what_the_next_look_lacks(tmp_path: Path) -> None:
+    """At the scale that is there, for arms of open claims: seeds 3 to 10 where two are done."""
+    write_answers(tmp_path)
+    answers = find_answers(tmp_path, [load_definition("broken-links")], OFFERS)
+    found = breadth_first(wanted_runs(reproduce(answers.answers, all_figures()), answers, OFFERS))
+    own = [each.run for each in found if each.run.spec.environment == "pursuit-n6"]
+    assert {(run.variant, run.spec.seed) for run in own} == {
+        (variant, seed) for variant in ("fdc", "dcc", "md-0.2", "md-0.5") for seed in range(3, 11)
+    }
+    assert {run.profile for run in own} == {"quick"}
+    assert not {run.run_id for run in own} & {record.run_id for record in list_runs(tmp_path)}
+    others = {each.run.spec.seed for each in found} - {run.spec.seed for run in own}
+    assert others == {1, 2}  # of pursuit-n8, of which nothing is there
+    assert all(len(each.channels) == 3 for each in found)
+
+
+@pytest.mark.slow
+def test_the_budget_is_kept_and_the_page_is_made(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Whoever is at work when it is spent has a checkpoint, and no failure."""
+    monkeypatch.setattr(paper_page, "list_definitions", lambda: ["architecture"])
+    folder = tmp_path / "results"
+    said = msgdrop("reproduce", folder, "--train", "--budget", "3s", "--workers", "1")
+    assert said.code == 0, said.err
+    assert "the time is up; the same command goes on" in said.err
+    assert {record.seed for record in list_runs(folder)} == {1}
+    assert {record.status for record in list_runs(folder)} == {"interrupted"}
+    assert (folder / "reproduce.html").is_file()
+
+
+@pytest.mark.parametrize(("text", "expected"), [("6h", 21600.0), ("90min", 5400.0), ("1.5s", 1.5)])
+def test_a_budget_is_a_time(text: str, expected: float) -> None:
+    """In hours, minutes or seconds."""
+    assert seconds(text) == expected
+
+
+@pytest.mark.parametrize("text", ["", "6", "h", "-1h", "0s", "1e9h", "6 hours"])
+def test_what_is_no_time_is_refused(text: str) -> None:
+    """With examples."""
+    with pytest.raises(DefinitionError, match="expected a time"):
+        seconds(text)
+
+
+def test_a_budget_without_training_is_refused(tmp_path: Path) -> None:
+    """Nobody waits six hours for nothing."""
+    said = msgdrop("reproduce", tmp_path, "--budget", "6h")
+    assert said.code == 2
+    assert "--train" in said.err
