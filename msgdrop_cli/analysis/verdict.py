@@ -10,7 +10,7 @@ from msgdrop_cli.analysis.summary import Group
 from msgdrop_cli.definition.spec import Claim
 
 Word = Literal["supported", "contradicted", "level", "undecided", "under-specified", "not run"]
-"""`under-specified`: registered readings of the paper disagree (no question has any yet)."""
+"""`under-specified`: registered readings of the paper disagree; `reproduction` says so."""
 
 
 class Evidence(NamedTuple):

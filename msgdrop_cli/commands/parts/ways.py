@@ -131,37 +131,45 @@ class _Guide:
         return _deciding_looks(rule)[0] if rule else 1
 
     def _first_scale(self, line: Line) -> Scale:
-        """The scale to begin with: that of its neighbours, or the one with most seeds in hours."""
+        """The scale to begin with, of those at which something judges the claim.
+
+        That of its neighbours, or the one with most seeds in hours, or days.
+        """
+        profiles = list(self.definition.profiles)
+        ranks = {
+            name: (not name.startswith(_PAPER), _count(self.definition, name), place)
+            for place, name in enumerate(profiles)
+        }
+        scales = [Scale(name, ()) for name in sorted(profiles, key=lambda n: ranks[n])[::-1]]
         if self.usual:
-            return self.usual
-        names = [name for name in self.definition.profiles if not name.startswith(_PAPER)]
-        names = names or list(self.definition.profiles)
-        most = max(_count(self.definition, name) for name in names)
-        return Scale([name for name in names if _count(self.definition, name) == most][-1], ())
+            scales.insert(0, self.usual)
+        return next((scale for scale in scales if self._asked_by(line, scale)), scales[0])
 
     def _seeds_there(self, line: Line, scale: Scale) -> set[int]:
         arms = [(line.environment, arm, scale.name) for arm in (line.better, line.worse)]
         return set().union(*(self.done.get(arm, set()) | self.lost.get(arm, set()) for arm in arms))
 
     def _command(self, line: Line, figure: str, scale: Scale, seeds: set[int]) -> str:
-        profile = self.definition.profiles[scale.profile]
-        name = line.question
-        if not (
-            line.environment in (profile.environments or self.definition.environments)
-            and {line.better, line.worse} <= set(profile.variants or self.definition.variants)
-        ):
-            name = self._figure(line, figure)
+        names = self._asked_by(line, scale)
+        name = figure if figure in names else next(iter(names), line.question)
         under = "".join(f" --reading {each}" for each in scale.readings)
         return f"msgdrop ablate {name} --profile {scale.profile}{under} --seeds {_listed(seeds)}"
 
-    def _figure(self, line: Line, figure: str) -> str:
-        """The figure that has its game and variants in every profile."""
-        named = [
+    def _asked_by(self, line: Line, scale: Scale) -> list[str]:
+        """What judges the claim at a scale: its question, or the figures that leave nothing out."""
+        profile = self.definition.profiles[scale.profile]
+        if line.environment in (profile.environments or self.definition.environments) and {
+            line.better,
+            line.worse,
+        } <= set(profile.variants or self.definition.variants):
+            return [line.question]
+        return [
             name
             for name, each in all_figures().items()
-            if each.question == line.question and line.environment in each.environments
+            if each.question == line.question
+            and line.environment in each.environments
+            and line.measure in each.measures
         ]
-        return figure if figure in named else next(iter(named), line.question)
 
     def _decides(self, line: Line, scale: Scale) -> Decides | None:
         rule, shown = self.definition.registration, line.shown

@@ -10,7 +10,7 @@ import msgdrop_cli.report.page
 from msgdrop_cli.analysis.reproduction import WORDS, Section, counts
 from msgdrop_cli.report.page.about import about, table
 from msgdrop_cli.report.page.claims import chip, claims_table
-from msgdrop_cli.report.page.content import PAPER, Page, Picture
+from msgdrop_cli.report.page.content import PAPER, Page, Picture, game
 from msgdrop_cli.report.page.elements import Html, el
 
 LARGEST = 5_000_000
@@ -63,10 +63,11 @@ def _header(page: Page) -> Html:
     papers = [line for line in page.lines if line.papers]
     sentences = len({(line.says, line.source) for line in papers})
     runs = sum(each.runs for each in page.makers)
+    orderings = len({(line.better, line.worse, game(line), line.metric) for line in papers})
     lede = (
-        f"{len(papers)} orderings in {sentences} sentences of the paper, against {runs} finished "
-        "runs. A verdict is given at registered looks only, by an exact test; what is open says "
-        "what would decide it."
+        f"{len(papers)} claims in {sentences} sentences of the paper ({orderings} different "
+        f"orderings: some are asked by two questions), against {runs} finished runs. A verdict is "
+        "given at registered looks only, by an exact test; what is open says what would decide it."
     )
     others = len(page.lines) - len(papers)
     also = f" {others} more, at the end, are not of the paper." if others else ""
