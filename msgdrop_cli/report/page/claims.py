@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from itertools import groupby
 
-from msgdrop_cli.analysis.reproduction import Line, Reading, Section
+from msgdrop_cli.analysis.reproduction import DECIDED, Line, Reading, Section
 from msgdrop_cli.analysis.verdict import Word
 from msgdrop_cli.report.page.content import (
     asked_under,
@@ -120,6 +120,9 @@ def _under(line: Line) -> Html:
     notes = []
     if line.told_by is not None and (names := line.readings[line.told_by].readings):
         notes.append(f"under reading {', '.join(names)}")
+    shown = line.shown
+    if line.word in DECIDED and shown and shown.claims_judged < shown.claims_in_family:
+        notes.append(f"with {shown.claims_judged} of {shown.claims_in_family} of its family")
     for number_, each in enumerate(line.readings):
         if number_ != line.told_by:
             notes.append(f"{asked_under(each.readings)} ({each.profile}): {each.word}")
