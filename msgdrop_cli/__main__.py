@@ -8,7 +8,9 @@ from contextlib import suppress
 from msgdrop_cli import __version__
 from msgdrop_cli.signals import end_at_once
 
-_SLOW = ("train", "eval", "ablate", "unstable-test", "plot", "publish", "replay", "import")
+_SLOW = (
+    *("train", "eval", "ablate", "unstable-test", "plot", "publish", "replay", "watch", "import"),
+)
 """Commands that load torch or matplotlib before they can say anything else."""
 _QUICK = {"-h", "--help", "--list"}
 _WIDTH = 120

@@ -31,6 +31,7 @@ from msgdrop_cli.commands import (
     train,
     unstable_test,
     verify,
+    watch,
 )
 from msgdrop_cli.commands.parts import console
 from msgdrop_cli.definition.strict import one_line
@@ -57,7 +58,7 @@ app = typer.Typer(
 )
 _COMMANDS = (
     *(ablate, train, eval, unstable_test, plot, status, explain, publish),
-    *(reproduce, verify, replay, diff, export, import_archives),
+    *(reproduce, verify, watch, replay, diff, export, import_archives),
 )
 for _command in _COMMANDS:
     app.add_typer(_command.app)

@@ -39,6 +39,9 @@ class Disc(NamedTuple):
     radius: float
     colour: Colour
     label: str = ""
+    """An agent's number."""
+    kind: str = ""
+    """What it is, in a word or two; its first letter stands for it where there are only letters."""
 
 
 def canvas(side: int) -> Tensor:

@@ -5,8 +5,7 @@ from typing import Annotated
 
 import typer
 
-from msgdrop_cli.commands.parts import console, options, words
-from msgdrop_cli.definition.channel import NONE_BROKEN, Channel
+from msgdrop_cli.commands.parts import console, episode, options
 from msgdrop_cli.errors import DefinitionError
 from msgdrop_cli.records.files import write_bytes_atomic
 
@@ -20,9 +19,7 @@ app = typer.Typer()
     )
 )
 def replay(
-    run: Annotated[
-        Path, typer.Argument(metavar="RUN", help="The folder of a run.", parser=options.path)
-    ],
+    run: episode.Run,
     html: Annotated[
         Path | None,
         typer.Option(metavar="FILE", help="Write a page with a slider.", parser=options.path),
@@ -32,21 +29,16 @@ def replay(
         typer.Option(metavar="FILE", help="Write a picture that moves.", parser=options.path),
     ] = None,
     broken_links: options.BrokenLinks = "none",
-    channel: Annotated[
-        str | None,
-        typer.Option(metavar="KIND:SETTINGS", help="What else messages go through."),
-    ] = None,
-    seed: Annotated[
-        int | None,
-        typer.Option(metavar="N", help="Not the run's own episode.", parser=options.whole),
-    ] = None,
+    channel: episode.Channel = None,
+    seed: episode.Seed = None,
 ) -> int:
     """Show one episode of a trained policy.
 
     It is the first one of its evaluation, or that of another --seed; the same policy, seed and
     channel give the same episode. Links that lose a message are red.
     """
-    through = _through(broken_links, channel)
+    episode.check_seed(seed)
+    through = episode.asked_channel(broken_links, channel)
     if html is None and gif is None:
         raise DefinitionError("replay: say what to write: --html FILE or --gif FILE")
     from msgdrop_cli.engine.episode import play_episode
@@ -54,21 +46,10 @@ def replay(
     from msgdrop_cli.report.replay import moving_picture, page
 
     check_trained(run)
-    episode = play_episode(run, channel=through, seed=seed)
-    console.note(episode.outcome)
+    played = play_episode(run, channel=through, seed=seed)
+    console.note(played.outcome)
     for file, make in ((html, page), (gif, moving_picture)):
         if file is not None:
-            write_bytes_atomic(file, make(episode))
+            write_bytes_atomic(file, make(played))
             console.result(f"replay  {file}")
     return 0
-
-
-def _through(broken_links: str, channel: str | None) -> Channel:
-    """The one channel that is asked for, checked."""
-    through = words.channel(broken_links, "--broken-links")
-    if channel is not None:
-        if through != NONE_BROKEN:
-            raise DefinitionError("--channel and --broken-links: give one of both")
-        through = words.channel(channel, "--channel")
-    options.check_channels([through])
-    return through

@@ -24,6 +24,7 @@ from msgdrop_cli.engine.randomness import Streams
 from msgdrop_cli.engine.scene import kind_in
 from msgdrop_cli.engine.worst_links import worst_links
 from msgdrop_cli.errors import RecordError
+from msgdrop_cli.messages.received import Heard
 from msgdrop_cli.ops.exploration import explored
 from msgdrop_cli.records.files import run_lock, write_jsonl_atomic
 from msgdrop_cli.records.store import EPISODES, list_runs
@@ -33,6 +34,7 @@ from msgdrop_envs.protocol import Environment
 BLOCK = 1_000
 """Episodes that are drawn together (paper l. 419): more of them leave those before as they are."""
 _Act = Callable[[autoreset.Games, Tensor], Tensor]
+_Watch = Callable[[autoreset.Games, Heard], Heard]
 _APART = 2**40
 """Numbers of each stream that a block may take; none takes a thousandth."""
 
@@ -47,15 +49,17 @@ def evaluate(
     device: str = "cpu",
     stop: Callable[[], bool] = lambda: False,
     seed: int | None = None,
-    watch: Callable[[autoreset.Games, Tensor | None], None] = lambda games, keep: None,
+    scored: Callable[[Tensor], None] = lambda table: None,
+    watch: _Watch = lambda games, heard: heard,
 ) -> list[dict[str, Any]]:
     """Play `episodes` episodes whose messages go through `channel`, at its epsilon (0: greedy).
 
     Returns a row an episode: the channel's entry, episode, steps, finished (it ended by itself),
     return (summed over agents and steps), and the environment's counts. first: the number to begin
     with, a multiple of BLOCK; those before it were played earlier. `stop` is asked twice a second;
-    if it says so, there are no rows. seed: of other episodes than the run's own. watch: is shown
-    the games before each step, and what arrives in it.
+    if it says so, there are no rows. seed: of other episodes than the run's own. Before each step
+    `scored` is shown what there is so far, as `play_episodes` says, and `watch` the games and what
+    arrives; it returns what the agents hear of it.
     Raises RecordError if the policy cannot be read or does not fit, DefinitionError for a channel
     that does not exist, or not in this game.
     """
@@ -74,26 +78,22 @@ def evaluate(
         act = _acting(learner, delivery, watch)
         if channel.epsilon:
             act = _exploring(act, channel.epsilon, streams, count, env)
-        table = play_episodes(env, act, streams, count, stop)
+        table = play_episodes(env, act, streams, count, stop, scored)
         if table is None:
             return []
         rows += [_row(env, channel, n, values) for n, values in enumerate(table.tolist(), start)]
     return rows
 
 
-def _acting(
-    learner: Learner, delivery: Delivery | None, watch: Callable[[autoreset.Games, Any], None]
-) -> _Act:
+def _acting(learner: Learner, delivery: Delivery | None, watch: _Watch) -> _Act:
     """What the agents do at each step, hearing what the delivery brings; None: everything."""
 
     def act(games: autoreset.Games, playing: Tensor) -> Tensor:
-        if delivery is None:
-            watch(games, None)
-            return learner.act_greedily(games.obs)
-        message = learner.encoding.message(games.obs)
-        received = delivery(games, playing, games.obs if message is None else message)
-        watch(games, received.keep)
-        return learner.act_greedily(games.obs, received)
+        heard: Heard = None
+        if delivery is not None:
+            message = learner.encoding.message(games.obs)
+            heard = delivery(games, playing, games.obs if message is None else message)
+        return learner.act_greedily(games.obs, watch(games, heard))
 
     return act
 

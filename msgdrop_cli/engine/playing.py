@@ -17,12 +17,13 @@ def play_episodes(
     streams: Streams,
     episodes: int,
     stop: Callable[[], bool] = lambda: False,
+    scored: Callable[[Tensor], None] = lambda table: None,
 ) -> Tensor | None:
     """Play whole episodes, each in a game of its own; None if `stop` said so.
 
     act: the games still in play [1, E, ...] and which episodes [E] they are, to actions
     [1, E, N, ...]. Returns [episodes, 3 + counts]: steps, finished, return and the environment's
-    counts of each.
+    counts of each; `scored` is shown what it has so far, before each step.
     """
     looked_up = time.monotonic()
     games = autoreset.start(
@@ -37,6 +38,7 @@ def play_episodes(
             looked_up = time.monotonic()
             if stop():
                 return None
+        scored(table)
         actions = act(games, playing)
         uniforms = streams.uniforms("evaluate", episodes, env.step_uniforms)[:, playing]
         games, transition = autoreset.play(env, games, actions, uniforms)

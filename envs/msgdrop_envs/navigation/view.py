@@ -116,11 +116,13 @@ class NavigationView:
         colours = [RED if each else BLUE for each in touching]
         colours += [GREEN if each else ORANGE for each in covered]
         labels = [*map(str, range(len(touching))), *[""] * len(covered)]
+        kinds = ["agent in contact" if each else "agent" for each in touching]
+        kinds += ["covered landmark" if each else "landmark" for each in covered]
         places = ([each / SIDE for each in self._pixel(state, point)] for point in points)
         return [
-            Disc(column, row, radius / side, colour, label)
-            for (row, column), radius, colour, label in zip(
-                places, radii, colours, labels, strict=True
+            Disc(column, row, radius / side, colour, label, kind)
+            for (row, column), radius, colour, label, kind in zip(
+                places, radii, colours, labels, kinds, strict=True
             )
         ]
 

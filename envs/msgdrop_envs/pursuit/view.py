@@ -38,6 +38,7 @@ class PursuitView:
         self.agent_names = tuple(f"pursuer_{number}" for number in range(config.pursuers))
         self.observation_bounds = (0, max(config.pursuers - 1, config.evaders, 1))
         self.state_bounds = (0, config.map_size - 1)
+        self.cells = config.map_size
 
     def state_from_dict(self, given: Any) -> State:
         """Read `{"pursuers": [[row, col], ...], "evaders": [[row, col] or null, ...]}`.
@@ -109,9 +110,9 @@ class PursuitView:
                 y = (row + (place // rank + 0.5) / rank) / self.config.map_size
                 radius = 0.44 / rank / self.config.map_size
                 if label == "E":
-                    evaders.append(Disc(x, y, 0.8 * radius, ORANGE))
+                    evaders.append(Disc(x, y, 0.8 * radius, ORANGE, kind="evader"))
                 else:
-                    discs[label] = Disc(x, y, radius, BLUE, label)
+                    discs[label] = Disc(x, y, radius, BLUE, label, "pursuer")
         return [discs[str(number)] for number in range(self.config.pursuers)] + evaders
 
     def _cells(

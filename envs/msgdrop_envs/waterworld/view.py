@@ -120,14 +120,17 @@ class WaterworldView:
         """Pursuers, food, poison, and the obstacle."""
         radii = (self.config.radius, *self.config.radii[1:])
         parts = zip(
-            state.positions.split(self._numbers), radii, (BLUE, ORANGE, PURPLE), strict=True
+            *(("pursuer", "food", "poison"), state.positions.split(self._numbers)),
+            *(radii, (BLUE, ORANGE, PURPLE)),
+            strict=True,
         )
         discs = [
-            Disc(x, 1.0 - y, radius, colour, str(number) if colour == BLUE else "")
-            for part, radius, colour in parts
+            Disc(x, 1.0 - y, radius, colour, str(number) if colour == BLUE else "", kind)
+            for kind, part, radius, colour in parts
             for number, (x, y) in enumerate(part.tolist())
         ]
-        return [*discs, Disc(0.5, 0.5, self.config.obstacle_radius, OBSTACLE)]
+        radius = self.config.obstacle_radius
+        return [*discs, Disc(0.5, 0.5, radius, OBSTACLE, kind="obstacle")]
 
     def _ground(self, row: int, column: int) -> str:
         x, y = (column + 0.5) / COLUMNS, 1 - (row + 0.5) / ROWS

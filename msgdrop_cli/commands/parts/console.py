@@ -184,6 +184,13 @@ class Progress:
             self.said_at = now_s
 
 
+def second_screen() -> "Live":
+    """A terminal's second screen, on which one thing at a time is shown; not entered yet."""
+    from rich.live import Live
+
+    return Live(console=_console(sys.stdout), screen=True, auto_refresh=False)
+
+
 def _board(
     headers: Sequence[str], rows: Sequence[Sequence[str]], total: str, width: int
 ) -> "RichTable":
