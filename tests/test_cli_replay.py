@@ -1,7 +1,12 @@
 """`msgdrop replay`: the episode of the evaluation, in one file that needs nothing else."""
 
 import json
+import os
 import re
+import shutil
+import subprocess
+import sys
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +18,7 @@ from msgdrop_cli.definition.channel import NONE_BROKEN, Channel
 from msgdrop_cli.engine.episode import Episode, Frame, Link, _links, play_episode
 from msgdrop_cli.engine.evaluation import evaluate
 from msgdrop_cli.engine.run import train_cohort
-from msgdrop_cli.report.replay import moving_picture, page
+from msgdrop_cli.report.replay import _ffmpeg, moving_picture, page
 from msgdrop_envs import autoreset, registry
 from msgdrop_envs.drawing import BLUE, Disc
 from tests.cli_runs import msgdrop
@@ -123,10 +128,43 @@ def test_a_long_episode_stays_small() -> None:
     assert len(moving_picture(episode)) < 5_000_000
 
 
+def test_a_film_shows_every_step(run: Path, tmp_path: Path) -> None:
+    """As another program counts them."""
+    if not (shutil.which("ffmpeg") or find_spec("imageio_ffmpeg")):
+        pytest.skip("there is no ffmpeg here")
+    said = msgdrop("replay", run, "--mp4", tmp_path / "a.mp4", "--channel", "links:0.5")
+    assert said.code == 0, said.err
+    done = subprocess.run(
+        [_ffmpeg(), "-i", tmp_path / "a.mp4", "-f", "framecrc", "-"],
+        capture_output=True,
+        check=True,
+    )
+    lines = [line for line in done.stdout.splitlines() if not line.startswith(b"#")]
+    assert len(lines) == 25
+    assert b"10 fps" in done.stderr
+
+
+def test_without_ffmpeg_a_film_is_refused(
+    run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """In a line that says how to get it; nothing is written."""
+    monkeypatch.setenv("PATH", str(tmp_path))
+    monkeypatch.setitem(sys.modules, "imageio_ffmpeg", None)
+    said = msgdrop("replay", run, "--mp4", tmp_path / "a.mp4")
+    assert said.code == 2
+    assert "pip install 'msgdrop[video]'" in said.err.splitlines()[-1]
+    assert not list(tmp_path.iterdir())
+
+
 def test_what_cannot_be_shown_is_refused_in_a_line(run: Path, tmp_path: Path) -> None:
     """Nothing to write, two channels, no run, a folder that is not there."""
+    pipe = tmp_path / "pipe"
+    os.mkfifo(pipe)
     for arguments, said in (
-        ((run,), "say what to write: --html FILE or --gif FILE"),
+        ((run,), "say what to write: --html FILE, --gif FILE or --mp4 FILE"),
+        ((run, "--html", tmp_path / "a", "--gif", tmp_path / "." / "a"), "would be written twice"),
+        ((run, "--gif", pipe), "is there and is no file"),
+        ((run, "--html", tmp_path / "a", "--seed", "-1"), "--seed: a seed lies between 1 and"),
         (
             (run, "--html", "a", "--channel", "links:0.5", "--broken-links", "half"),
             "--channel and --broken-links: give one of both",

@@ -1,11 +1,17 @@
-"""An episode as a page or as a picture that moves; each is one file that needs nothing else."""
+"""An episode as a page, a moving picture or a film; each is one file that needs nothing else."""
 
 import json
+import shutil
+import subprocess
+from contextlib import suppress
 from importlib import resources
 from io import BytesIO
 from typing import Any
 
 import msgdrop_cli.report
+from msgdrop_cli.definition.strict import one_line
+from msgdrop_cli.errors import DefinitionError, RunError
+from msgdrop_cli.signals import scratch_folder
 
 _SIDE, _STRIP = 360, 16
 """Pixels of the moving picture, and of the line of words below it."""
@@ -30,12 +36,18 @@ def page(episode: Any) -> bytes:
             ],
             "links": [[link.first, link.second, int(link.works)] for link in frame.links],
             "lost": frame.lost,
+            "score": [round(value, 4) for _, value in frame.score],
         }
         for frame in episode.frames
     ]
+    first = episode.frames[0]
+    kinds = {d.kind: list(d.colour) for frame in episode.frames for d in frame.discs if d.kind}
     data = {
         "title": episode.title,
         "agents": list(episode.agents),
+        "said": first.said,
+        "score": [name.replace("_", " ") for name, _ in first.score],
+        "kinds": list(kinds.items()),
         "outcome": episode.outcome,
         "frames": frames,
     }
@@ -47,11 +59,58 @@ def page(episode: Any) -> bytes:
 def moving_picture(episode: Any) -> bytes:
     """A GIF that shows every step; episode: an `engine.episode.Episode`. Loads pillow."""
     images = [_drawn(episode, number) for number in range(len(episode.frames))]
-    each = max(_FASTEST_MS, min(_SLOWEST_MS, _LONGEST_MS // len(images)))
+    each = _milliseconds(episode)
     content = BytesIO()
     whole = {"save_all": True, "append_images": images[1:], "loop": 0, "optimize": False}
     images[0].save(content, "GIF", duration=each // 10 * 10, **whole)  # it counts hundredths
     return content.getvalue()
+
+
+def film(episode: Any) -> bytes:
+    """An MP4 that shows every step; episode: an `engine.episode.Episode`. Loads pillow.
+
+    Raises DefinitionError: there is no ffmpeg, which draws it; RunError, what ffmpeg says.
+    """
+    first = _drawn(episode, 0)
+    size, each = f"{first.width}x{first.height}", _milliseconds(episode)
+    with scratch_folder() as folder:
+        file = folder / "film.mp4"
+        raw = ("-f", "rawvideo", "-pix_fmt", "rgb24", "-s", size, "-r", f"{1000 / each}", "-i", "-")
+        kind = ("-c:v", "libx264", "-pix_fmt", "yuv420p", "-crf", "18", "-movflags", "+faststart")
+        with subprocess.Popen(
+            [_ffmpeg(), "-v", "error", *raw, *kind, str(file)],
+            stdin=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+        ) as process:
+            assert process.stdin
+            assert process.stderr
+            with suppress(BrokenPipeError):
+                for number in range(len(episode.frames)):
+                    process.stdin.write(_drawn(episode, number).convert("RGB").tobytes())
+                process.stdin.close()
+            said = process.stderr.read().decode(errors="replace")
+        if process.returncode:
+            raise RunError(f"ffmpeg: {one_line(said) or process.returncode}; --gif needs none")
+        return file.read_bytes()
+
+
+def _ffmpeg() -> str:
+    """The machine's own, or the one that imageio-ffmpeg brings along."""
+    if own := shutil.which("ffmpeg"):
+        return own
+    try:
+        from imageio_ffmpeg import get_ffmpeg_exe
+
+        theirs: str = get_ffmpeg_exe()
+    except (ImportError, RuntimeError):
+        hint = "install ffmpeg, or pip install 'msgdrop[video]'; --gif needs neither"
+        raise DefinitionError(f"--mp4: there is no ffmpeg; {hint}") from None
+    return theirs
+
+
+def _milliseconds(episode: Any) -> int:
+    """How long a frame is shown."""
+    return max(_FASTEST_MS, min(_SLOWEST_MS, _LONGEST_MS // len(episode.frames)))
 
 
 def _drawn(episode: Any, number: int) -> Any:
