@@ -23,6 +23,7 @@ from msgdrop_cli.commands import (
     explain,
     export,
     import_archives,
+    mirror,
     plot,
     publish,
     replay,
@@ -58,7 +59,7 @@ app = typer.Typer(
 )
 _COMMANDS = (
     *(ablate, train, eval, unstable_test, plot, status, explain, publish),
-    *(reproduce, verify, watch, replay, diff, export, import_archives),
+    *(reproduce, verify, watch, replay, diff, export, mirror, import_archives),
 )
 for _command in _COMMANDS:
     app.add_typer(_command.app)

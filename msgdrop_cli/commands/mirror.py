@@ -1,0 +1,83 @@
+"""`msgdrop mirror`: what the records say, copied to TensorBoard, Weights & Biases or trackio."""
+
+import sys
+import time
+from contextlib import redirect_stdout
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from msgdrop_cli.commands.parts import console, options, words
+from msgdrop_cli.errors import DefinitionError, RecordError, nearest
+from msgdrop_cli.records.store import look_through
+from msgdrop_cli.report.mirroring import Mirroring
+from msgdrop_cli.report.mirrors import MIRRORS
+from msgdrop_cli.stopping import Stopped, graceful_stop
+
+app = typer.Typer()
+
+_AGAIN_S = 2.0
+"""How soon a followed run is looked at again."""
+_GOES_ON = ("planned", "running")
+
+
+@app.command(
+    epilog=options.examples(
+        "mirror --to tensorboard --follow   (while something trains, in another terminal)",
+        "mirror results/published --to wandb --into /tmp/mirror",
+    )
+)
+def mirror(
+    results: options.Folder = Path("results"),
+    to: Annotated[
+        str,
+        typer.Option(
+            metavar="|".join(MIRRORS), help="The mirror.", autocompletion=lambda: list(MIRRORS)
+        ),
+    ] = "tensorboard",
+    into: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="DIR",
+            help="Its files.",
+            show_default="RESULTS/mirrors/NAME",
+            parser=options.path,
+        ),
+    ] = None,
+    follow: Annotated[
+        bool, typer.Option("--follow", help="Go on as runs train, until Ctrl-C.")
+    ] = False,
+) -> int:
+    """Copy logs and evaluations to a mirror, each row once; the records stay the source.
+
+    Names are those of Stable-Baselines3: rollout/ep_rew_mean, train/loss, eval/mean_reward. The
+    mirror is never read, and training knows nothing of it.
+    """
+    if to not in MIRRORS:
+        raise DefinitionError(f"--to: {to[:40]!r} is unknown; {nearest(to[:40], MIRRORS)}")
+    folder = into or results / "mirrors" / to
+    copying = Mirroring(MIRRORS[to](folder), folder)
+    copied = 0
+    with graceful_stop() as control, redirect_stdout(sys.stderr):  # some of them chat
+        while True:
+            try:
+                records = look_through(results).records
+            except RecordError:
+                if not follow:
+                    raise
+                records = []  # nothing has begun yet
+            copied += copying.copy(records)
+            copying.close([each for each in records if each.status not in _GOES_ON])
+            if not follow:
+                break
+            until = time.monotonic() + _AGAIN_S
+            while time.monotonic() < until and control.signal is None:
+                time.sleep(0.05)
+            if control.signal is not None:
+                break
+        copying.close(records)
+    console.result(f"mirror  {folder}: {words.several(copied, 'new row')}")
+    if control.signal is not None:
+        raise Stopped(control.signal)
+    return 0
