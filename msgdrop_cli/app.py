@@ -18,6 +18,7 @@ import typer
 from msgdrop_cli import __version__
 from msgdrop_cli.commands import (
     ablate,
+    config,
     diff,
     eval,
     explain,
@@ -58,7 +59,7 @@ app = typer.Typer(
     context_settings={"max_content_width": 100, "help_option_names": ["-h", "--help"]},
 )
 _COMMANDS = (
-    *(ablate, train, eval, unstable_test, plot, status, explain, publish),
+    *(ablate, train, eval, unstable_test, plot, status, explain, config, publish),
     *(reproduce, verify, watch, replay, diff, export, mirror, import_archives),
 )
 for _command in _COMMANDS:

@@ -24,7 +24,7 @@ _GOES_ON = ("planned", "running")
 
 @app.command(
     epilog=options.examples(
-        "mirror --to tensorboard --follow   (while something trains, in another terminal)",
+        "mirror --to tensorboard --follow   (while runs train)",
         "mirror results/published --to wandb --into /tmp/mirror",
     )
 )

@@ -15,7 +15,7 @@ from msgdrop_cli.errors import DefinitionError, nearest
 
 app = typer.Typer()
 
-_PROFILES: Mapping[str, Profile] = MappingProxyType(
+PROFILES: Mapping[str, Profile] = MappingProxyType(
     {
         "quick": Profile(seeds=1, evaluation_episodes=200, training={"train_env_steps": 100_000}),
         "million": Profile(seeds=1, training={"train_env_steps": 1_000_000}),
@@ -56,7 +56,7 @@ _Steps = Annotated[
 ]
 _Profile = Annotated[
     str,
-    typer.Option(metavar="NAME", help=options.SCALE, autocompletion=lambda: list(_PROFILES)),
+    typer.Option(metavar="NAME", help=options.SCALE, autocompletion=lambda: list(PROFILES)),
 ]
 
 
@@ -99,8 +99,8 @@ def train(
         dry_run=dry_run,
         json=json,
     )
-    if profile not in _PROFILES:
-        known = nearest(profile[:64], _PROFILES)
+    if profile not in PROFILES:
+        known = nearest(profile[:64], PROFILES)
         raise DefinitionError(f"no profile is called {profile[:64]!r}; {known}")
     options_of = {"algorithm.rate": rate, "training.train_env_steps": steps}
     _check_said_once(checked.overrides, {**options_of, "training.channel": channel})
@@ -145,7 +145,7 @@ def _definition(
     env: str, algorithm: str, profile: str, rate: str | None, steps: int | None
 ) -> Definition:
     """The question behind `train`; raises DefinitionError for names and rates that cannot be."""
-    scale = _PROFILES[profile]
+    scale = PROFILES[profile]
     if steps is not None:
         scale = replace(scale, training={"train_env_steps": steps})
     question = ad_hoc_definition(env, [algorithm], profile, scale)

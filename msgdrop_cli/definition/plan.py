@@ -7,7 +7,7 @@ long is explored, the latter follows (`_explored`).
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 from msgdrop_cli.definition.catalogue import Catalogue
@@ -95,7 +95,7 @@ def plan(
     check_variants(changes, tuple(arms))
     changes = (*as_overrides(readings, environments), *changes)
     called = under(profile, readings)
-    resolver = _Resolver(definition, profile, called, catalogue, changes)
+    resolver = Resolver(definition, profile, called, catalogue, changes)
     runs = [
         resolver.run(environment, variant, seed)
         for environment in environments
@@ -200,7 +200,7 @@ def _checked_seeds(seeds: int | tuple[int, ...], where: Where) -> tuple[int, ...
 
 
 @dataclass(frozen=True, slots=True)
-class _Resolver:
+class Resolver:
     """Lays the tables of one profile over each other, for any of its variants."""
 
     definition: Definition
@@ -209,8 +209,11 @@ class _Resolver:
     """The profile with its readings."""
     catalogue: Catalogue
     overrides: tuple[Override, ...]
+    origins: dict[str, Where] = field(default_factory=dict)
+    """Where each setting of the last run got its value, by path; none for a default."""
 
     def run(self, environment: str, variant: str, seed: int) -> PlannedRun:
+        """The run of one variant with one seed; raises DefinitionError."""
         arm = self.definition.variants[variant]
         place = Where(self.definition.file).at("variants").at(variant).at("algorithm")
         try:
@@ -286,5 +289,6 @@ class _Resolver:
             ),
         ]
         made = overlay(cls, layers)
+        self.origins.update({f"{section}.{key}": place for place, table in layers for key in table})
         # Once more through the types: a default written 0 for a float gives the run id of 0.0.
         return overlay(cls, [(file, shallow(made))])

@@ -6,7 +6,7 @@ import typer
 
 from msgdrop_cli.commands.parts import vocabulary
 from msgdrop_cli.definition.channel import NAMED
-from msgdrop_cli.definition.load import list_definitions, load_definition
+from msgdrop_cli.definition.load import list_askable, list_definitions, load_definition
 from msgdrop_cli.definition.readings import readings_of
 from msgdrop_cli.definition.spec import Definition
 from msgdrop_cli.errors import DefinitionError
@@ -20,6 +20,18 @@ def environments() -> list[str]:
 def algorithms() -> list[str]:
     """The names of `--algorithm`."""
     return [name for each in vocabulary.algorithms() for name in each.names]
+
+
+def questions() -> list[str]:
+    """What `ablate` takes."""
+    return list_askable()
+
+
+def variants(context: typer.Context) -> list[str]:
+    """The variants of the question that stands on the line, or of all questions."""
+    asked = _question(context)
+    definitions = [_definition(name) for name in ([asked] if asked else list_definitions())]
+    return list(dict.fromkeys(name for each in definitions if each for name in each.variants))
 
 
 def profiles(context: typer.Context) -> list[str]:

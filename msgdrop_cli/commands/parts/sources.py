@@ -32,6 +32,11 @@ class Setting(NamedTuple):
         """What is said of it, without where its value comes from."""
         return _SOURCE.sub("", self.said)
 
+    @property
+    def source(self) -> str:
+        """Where its value comes from: lines of the paper, or ours; empty if it does not say."""
+        return "; ".join(each.strip(" ()") for each in _SOURCE.findall(self.said))
+
 
 class Module(NamedTuple):
     """A file of a package."""

@@ -1,0 +1,34 @@
+"""Where the settings of a planned run got their values: the last layer that names them."""
+
+from collections.abc import Mapping, Sequence
+
+from msgdrop_cli.definition.catalogue import Catalogue
+from msgdrop_cli.definition.overrides import parse_override
+from msgdrop_cli.definition.plan import Resolver
+from msgdrop_cli.definition.readings import as_overrides
+from msgdrop_cli.definition.spec import Definition, PlannedRun
+
+DEFAULT = "default"
+"""Of what no layer names."""
+
+
+def origins(
+    run: PlannedRun,
+    definition: Definition,
+    profile: str,
+    catalogue: Catalogue,
+    *,
+    overrides: Sequence[str] = (),
+    readings: Sequence[str] = (),
+) -> Mapping[str, str]:
+    """The place that each setting of a run comes from, by path; those at their default are missing.
+
+    run: one of `plan`'s, from the same question, profile, overrides and readings.
+    """
+    changes = (
+        *as_overrides(readings, definition.environments),
+        *(parse_override(text, catalogue.settings()) for text in overrides),
+    )
+    resolver = Resolver(definition, profile, run.profile, catalogue, changes)
+    resolver.run(run.spec.environment, run.variant, run.spec.seed)
+    return {path: str(where) for path, where in resolver.origins.items()}
