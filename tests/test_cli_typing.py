@@ -221,6 +221,9 @@ def test_an_algorithm_that_does_not_fit_is_told_who_does(tmp_path: Path) -> None
         ("msgdrop eval --broken-links ", ["half"]),
         ("msgdrop unstable-test --device c", ["cuda"]),
         ("msgdrop explain catches", ["catches_per_500"]),
+        ("msgdrop config show dropout-rate --variant md", ["md-0.2", "md-0.5"]),
+        ("msgdrop config show navigation --profile q", ["quick"]),
+        ("msgdrop mirror --to t", ["tensorboard", "trackio"]),
     ],
 )
 def test_tab_offers_what_there_is(

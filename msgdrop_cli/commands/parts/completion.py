@@ -1,6 +1,7 @@
 """What the TAB key offers; loads nothing heavy, and says nothing where it knows nothing."""
 
 from contextlib import suppress
+from pathlib import Path
 
 import typer
 
@@ -10,6 +11,9 @@ from msgdrop_cli.definition.load import list_askable, list_definitions, load_def
 from msgdrop_cli.definition.readings import readings_of
 from msgdrop_cli.definition.spec import Definition
 from msgdrop_cli.errors import DefinitionError
+
+_POLICIES = ("runs/*/*/policy.safetensors", "published/*/*/*/policy.safetensors")
+"""Where policies lie in a results folder: looked up at every TAB, so not everywhere."""
 
 
 def environments() -> list[str]:
@@ -66,6 +70,11 @@ def settings(context: typer.Context) -> list[tuple[str, str]]:
     return list(found.items())
 
 
+def runs() -> list[str]:
+    """The folders in `results` of runs that have a policy."""
+    return sorted(str(file.parent) for each in _POLICIES for file in Path("results").glob(each))
+
+
 def topics() -> list[str]:
     """What `explain` takes."""
     from msgdrop_cli.commands.parts.topics import topics
@@ -74,9 +83,9 @@ def topics() -> list[str]:
 
 
 def _question(context: typer.Context) -> str | None:
-    """What stands as the argument; behind an option without its value it is not parsed yet."""
+    """What stands as the last argument; behind an option without its value it is not parsed yet."""
     name = context.params.get("name")
-    return str(name) if name else next(iter(context.args), None)
+    return str(name) if name else next(reversed(context.args), None)
 
 
 def _definition(name: str | None) -> Definition | None:

@@ -12,7 +12,12 @@ from msgdrop_cli.errors import DefinitionError
 
 Run = Annotated[
     Path,
-    typer.Argument(metavar="RUN", help="The folder of a run.", parser=options.path),
+    typer.Argument(
+        metavar="RUN",
+        help="The folder of a run.",
+        parser=options.path,
+        autocompletion=completion.runs,
+    ),
 ]
 Channel = Annotated[
     str | None,
