@@ -15,6 +15,18 @@ from msgdrop_cli.errors import DefinitionError, nearest
 app = typer.Typer()
 
 _SHOW = "show"
+_Env = Annotated[
+    str | None,
+    typer.Option(metavar="NAME", help="The game.", autocompletion=completion.environments),
+]
+_Algorithm = Annotated[
+    str | None,
+    typer.Option(metavar="NAME", help="For train.", autocompletion=completion.algorithms),
+]
+_Variant = Annotated[
+    str | None,
+    typer.Option(metavar="NAME", help="Of the question.", autocompletion=completion.variants),
+]
 
 
 @app.command(
@@ -36,18 +48,9 @@ def config(
             autocompletion=completion.questions,
         ),
     ] = None,
-    env: Annotated[
-        str | None,
-        typer.Option(metavar="NAME", help="The game.", autocompletion=completion.environments),
-    ] = None,
-    algorithm: Annotated[
-        str | None,
-        typer.Option(metavar="NAME", help="For train.", autocompletion=completion.algorithms),
-    ] = None,
-    variant: Annotated[
-        str | None,
-        typer.Option(metavar="NAME", help="Of the question.", autocompletion=completion.variants),
-    ] = None,
+    env: _Env = None,
+    algorithm: _Algorithm = None,
+    variant: _Variant = None,
     profile: options.Profile = None,
     overrides: options.Set = None,
     readings: options.Reading = None,

@@ -13,7 +13,7 @@ from msgdrop_cli.errors import DefinitionError, RecordError, nearest
 from msgdrop_cli.records.store import look_through
 from msgdrop_cli.report.mirroring import Mirroring
 from msgdrop_cli.report.mirrors import MIRRORS
-from msgdrop_cli.stopping import Stopped, graceful_stop
+from msgdrop_cli.stopping import Control, Stopped, graceful_stop
 
 app = typer.Typer()
 
@@ -57,27 +57,29 @@ def mirror(
     if to not in MIRRORS:
         raise DefinitionError(f"--to: {to[:40]!r} is unknown; {nearest(to[:40], MIRRORS)}")
     folder = into or results / "mirrors" / to
-    copying = Mirroring(MIRRORS[to](folder), folder)
-    copied = 0
     with graceful_stop() as control, redirect_stdout(sys.stderr):  # some of them chat
-        while True:
-            try:
-                records = look_through(results).records
-            except RecordError:
-                if not follow:
-                    raise
-                records = []  # nothing has begun yet
-            copied += copying.copy(records)
-            copying.close([each for each in records if each.status not in _GOES_ON])
-            if not follow:
-                break
-            until = time.monotonic() + _AGAIN_S
-            while time.monotonic() < until and control.signal is None:
-                time.sleep(0.05)
-            if control.signal is not None:
-                break
-        copying.close(records)
+        copied = _copy(results, Mirroring(MIRRORS[to](folder), folder), control, follow)
     console.result(f"mirror  {folder}: {words.several(copied, 'new row')}")
     if control.signal is not None:
         raise Stopped(control.signal)
     return 0
+
+
+def _copy(results: Path, copying: Mirroring, control: Control, follow: bool) -> int:
+    """Copy once, or again and again until a signal comes; returns the number of rows."""
+    copied = 0
+    while True:
+        try:
+            records = look_through(results).records
+        except RecordError:
+            if not follow:
+                raise
+            records = []  # nothing has begun yet
+        copied += copying.copy(records)
+        copying.close([each for each in records if each.status not in _GOES_ON])
+        until = time.monotonic() + _AGAIN_S
+        while follow and time.monotonic() < until and control.signal is None:
+            time.sleep(0.05)
+        if not follow or control.signal is not None:
+            copying.close(records)
+            return copied
