@@ -7,8 +7,7 @@ from typing import Any
 import pytest
 import torch
 
-from msgdrop_cli.commands.parts.player import Left, Player
-from msgdrop_cli.commands.watch import play
+from msgdrop_cli.commands.parts.player import Left, Player, play
 from msgdrop_cli.definition.channel import NONE_BROKEN, Channel
 from msgdrop_cli.engine.episode import Frame, Link, by_hand, play_episode
 from msgdrop_cli.engine.run import train_cohort

@@ -4,16 +4,17 @@ import sys
 import time
 from contextlib import redirect_stdout
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from msgdrop_cli.commands.parts import console, options, words
 from msgdrop_cli.errors import DefinitionError, RecordError, nearest
-from msgdrop_cli.records.store import look_through
-from msgdrop_cli.report.mirroring import Mirroring
 from msgdrop_cli.report.mirrors import MIRRORS
-from msgdrop_cli.stopping import Control, Stopped, graceful_stop
+
+if TYPE_CHECKING:
+    from msgdrop_cli.report.mirroring import Mirroring
+    from msgdrop_cli.stopping import Control
 
 app = typer.Typer()
 
@@ -56,6 +57,9 @@ def mirror(
     """
     if to not in MIRRORS:
         raise DefinitionError(f"--to: {to[:40]!r} is unknown; {nearest(to[:40], MIRRORS)}")
+    from msgdrop_cli.report.mirroring import Mirroring  # not for every TAB
+    from msgdrop_cli.stopping import Stopped, graceful_stop
+
     folder = into or results / "mirrors" / to
     with graceful_stop() as control, redirect_stdout(sys.stderr):  # some of them chat
         copied = _copy(results, Mirroring(MIRRORS[to](folder), folder), control, follow)
@@ -65,8 +69,10 @@ def mirror(
     return 0
 
 
-def _copy(results: Path, copying: Mirroring, control: Control, follow: bool) -> int:
+def _copy(results: Path, copying: "Mirroring", control: "Control", follow: bool) -> int:
     """Copy once, or again and again until a signal comes; returns the number of rows."""
+    from msgdrop_cli.records.store import look_through
+
     copied = 0
     while True:
         try:

@@ -8,10 +8,12 @@ from collections.abc import Mapping
 from datetime import datetime
 from importlib import import_module
 from pathlib import Path
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 from msgdrop_cli.errors import DefinitionError
-from msgdrop_cli.records.store import RunRecord
+
+if TYPE_CHECKING:
+    from msgdrop_cli.records.store import RunRecord
 
 PROJECT = "msgdrop"
 
@@ -22,13 +24,13 @@ class Mirror(Protocol):
     def __init__(self, into: Path) -> None:
         """into: the folder for what it keeps on this machine."""
 
-    def add(self, record: RunRecord, step: int, values: Mapping[str, float], at_s: float) -> None:
+    def add(self, record: "RunRecord", step: int, values: Mapping[str, float], at_s: float) -> None:
         """Add a row of a run; step: env steps, at_s: seconds of its training."""
 
     def flush(self) -> None:
         """Let everybody see what has been added."""
 
-    def close(self, record: RunRecord) -> None:
+    def close(self, record: "RunRecord") -> None:
         """Nothing more is added to this run for now."""
 
 
@@ -40,7 +42,7 @@ class TensorBoard:
         self._into = into
         self._writers: dict[str, Any] = {}
 
-    def add(self, record: RunRecord, step: int, values: Mapping[str, float], at_s: float) -> None:
+    def add(self, record: "RunRecord", step: int, values: Mapping[str, float], at_s: float) -> None:
         """One event with a scalar a value."""
         from tensorboard.compat.proto.event_pb2 import Event
         from tensorboard.compat.proto.summary_pb2 import Summary
@@ -58,7 +60,7 @@ class TensorBoard:
         for writer in self._writers.values():
             writer.flush()
 
-    def close(self, record: RunRecord) -> None:
+    def close(self, record: "RunRecord") -> None:
         """Close the run's file."""
         if writer := self._writers.pop(record.run_id, None):
             writer.close()
@@ -72,7 +74,7 @@ class WandB:
         self._into = into
         self._runs: dict[str, Any] = {}
 
-    def add(self, record: RunRecord, step: int, values: Mapping[str, float], at_s: float) -> None:
+    def add(self, record: "RunRecord", step: int, values: Mapping[str, float], at_s: float) -> None:
         """One step of the run that is called like ours."""
         if record.run_id not in self._runs:
             self._into.mkdir(parents=True, exist_ok=True)
@@ -93,7 +95,7 @@ class WandB:
     def flush(self) -> None:
         """It does so by itself."""
 
-    def close(self, record: RunRecord) -> None:
+    def close(self, record: "RunRecord") -> None:
         """Finish the run."""
         if run := self._runs.pop(record.run_id, None):
             run.finish()
@@ -107,7 +109,7 @@ class Trackio:
         self._library = _needed("trackio")
         self._runs: dict[str, Any] = {}
 
-    def add(self, record: RunRecord, step: int, values: Mapping[str, float], at_s: float) -> None:
+    def add(self, record: "RunRecord", step: int, values: Mapping[str, float], at_s: float) -> None:
         """One step of the run that is called like ours."""
         if record.run_id not in self._runs:
             self._runs[record.run_id] = self._library.init(
@@ -123,7 +125,7 @@ class Trackio:
     def flush(self) -> None:
         """It does so by itself."""
 
-    def close(self, record: RunRecord) -> None:
+    def close(self, record: "RunRecord") -> None:
         """Finish the run."""
         if run := self._runs.pop(record.run_id, None):
             run.finish()
@@ -141,7 +143,7 @@ def _needed(package: str) -> Any:
         raise DefinitionError(f"{problem}; pip install 'msgdrop[{package}]'") from None
 
 
-def _began(record: RunRecord) -> float:
+def _began(record: "RunRecord") -> float:
     """When the run was made, in seconds since 1970; 0 if its record does not say so."""
     try:
         return datetime.fromisoformat(str(record.run.get("created"))).timestamp()

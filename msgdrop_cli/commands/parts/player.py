@@ -2,8 +2,10 @@
 
 import time
 from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
 from typing import Any, Protocol
 
+from msgdrop_cli.definition.channel import Channel
 from msgdrop_cli.report.characters import Signs
 from msgdrop_cli.report.watch import Watching, watched
 
@@ -140,3 +142,25 @@ class Player:
         """The links of the chosen agent, or all of them."""
         chosen = self.state.chosen
         return [link for link in frame.links if chosen is None or chosen in link.pair]
+
+
+def play(screen: Screen, run: Path, channels: Sequence[Channel], seed: int, speed: int) -> None:
+    """Play an episode again, through the next channel, or that of the next seed, till it is left.
+
+    channels: the first one is played first; speed: frames a second.
+    """
+    from msgdrop_cli.engine.episode import play_episode
+
+    at = 0
+    while True:
+        title = f"{run.resolve().name}, {channels[at].label}, seed {seed}"
+        player = Player(screen, Watching(title, frames_per_s=speed))
+        try:
+            found = play_episode(run, channel=channels[at], seed=seed, show=player.show)
+            player.end(found.outcome)
+        except Left as left:
+            if left.key == "q":
+                return
+            at = (at + (left.key == "c")) % len(channels)
+            seed += left.key == "n"
+            speed = player.state.frames_per_s
