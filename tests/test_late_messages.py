@@ -15,6 +15,7 @@ from msgdrop_cli.engine.tensors import read_tensors
 from msgdrop_cli.engine.training import Training
 from msgdrop_cli.records.store import POLICY
 from msgdrop_envs.autoreset import Games
+from msgdrop_envs.protocol import Transition
 from tests.dcc_samples import use_kernel
 from tests.runs import StopAt
 from tests.test_lost_messages import through, trained
@@ -77,6 +78,17 @@ def kept(account: Account, messages: list[Message | None]) -> tuple[Tensor, Tens
     return torch.stack(rows).view(AGENTS, AGENTS - 1, -1), where.view(AGENTS, -1)
 
 
+def advanced(training: Training) -> Transition:
+    """What a step of the training stored."""
+    seen: list[Transition] = []
+    add = training.replay.add
+    training.replay.add = lambda *a: (seen.append(a[1]), add(*a))  # type: ignore
+    training.advance()
+    training.replay.add = add  # type: ignore[method-assign]
+    [transition] = seen
+    return transition
+
+
 @pytest.mark.parametrize("capacity", [400, 96])
 @pytest.mark.parametrize("text", LATE)
 def test_what_is_heard_and_learnt_from_is_what_a_slow_account_says(
@@ -108,12 +120,7 @@ def test_what_is_heard_and_learnt_from_is_what_a_slow_account_says(
             if received.messages is not None:
                 masked = received.messages[0, game].float() * where[..., None]
                 assert torch.equal(masked, messages)
-        seen: list[Any] = []
-        add = training.replay.add
-        training.replay.add = lambda *a, add=add, seen=seen: (seen.append(a[1]), add(*a))  # type: ignore
-        training.advance()
-        training.replay.add = add  # type: ignore[method-assign]
-        [transition] = seen
+        transition = advanced(training)
         before = Games(training.games.state, training.games.elapsed, transition.obs)
         age, going = account.arrivals(state, before)
         begun = account.kind.start(account.uniforms(account.kind.episode_uniforms(AGENTS)), AGENTS)

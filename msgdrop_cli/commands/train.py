@@ -104,12 +104,9 @@ def train(
         raise DefinitionError(f"no profile is called {profile[:64]!r}; {known}")
     options_of = {"algorithm.rate": rate, "training.train_env_steps": steps}
     _check_said_once(checked.overrides, {**options_of, "training.channel": channel})
-    if rate is not None:
-        override = f"algorithm.rate={words.share(rate, '--rate')}"
-        checked = replace(checked, overrides=(*checked.overrides, override))
-    if channel is not None:
-        override = f"training.channel={_through(channel)}"
-        checked = replace(checked, overrides=(*checked.overrides, override))
+    asked = [] if rate is None else [f"algorithm.rate={words.share(rate, '--rate')}"]
+    asked += [] if channel is None else [f"training.channel={_through(channel)}"]
+    checked = replace(checked, overrides=(*checked.overrides, *asked))
     if steps is not None and steps < 1:
         raise DefinitionError(f"--steps: expected at least 1, not {steps}")
     if is_factory(env) and checked.device != "cpu":

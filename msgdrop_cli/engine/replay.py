@@ -45,10 +45,9 @@ class Replay:
     ) -> None:
         """loses: whether a channel loses messages; reach: how old those may be that arrive."""
         self.games, self.agents, self.time_limit = games, agents, time_limit
-        self._sampled = max(capacity // games, 1)
-        """Steps that can be sampled; before them are those whose messages may still arrive."""
-        self._reach = reach
-        self.slots = reach + self._sampled + 1  # one for the observation still to act on
+        self._reach, self._sampled = reach, max(capacity // games, 1)
+        # Before what can be sampled, messages that may still arrive; then what is to be acted on.
+        self.slots = reach + self._sampled + 1
         self._ends = self.slots // time_limit + 2  # rows of cut episodes, for each game
         rows = self.slots * games
         self.added = 0
@@ -64,8 +63,7 @@ class Replay:
             size = (*shape[:3], encoding.width)
             self.messages = pages.zeros(*size, dtype=torch.float32, device=device)
         self.arrives: Tensor | None = None
-        """[R, obs rows, N, N-1] uint8, where a channel loses some: 0, no message; else its age + 1.
-        """
+        """[R, obs rows, N, N-1] uint8, where a channel loses some: 0, no message; else age + 1."""
         if loses:
             size = (*shape[:3], agents - 1)
             self.arrives = pages.zeros(*size, dtype=torch.uint8, device=device)
