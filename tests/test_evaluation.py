@@ -22,7 +22,7 @@ from msgdrop_cli.engine.scene import kind_in
 from msgdrop_cli.engine.tensors import read_tensors, write_tensors
 from msgdrop_cli.errors import DefinitionError, RecordError
 from msgdrop_cli.messages.received import Received
-from msgdrop_cli.records.files import run_lock
+from msgdrop_cli.records.files import Epoch, run_lock
 from msgdrop_cli.records.store import list_runs
 from msgdrop_envs import autoreset, registry
 from tests.dcc_samples import integers, rand
@@ -268,7 +268,7 @@ def test_one_process_evaluates_a_run(tmp_path: Path, monkeypatch: pytest.MonkeyP
         evaluate_run(outcome.path, channel=Channel.read(0.5), episodes=8)
     assert caught.value.exit_code == 75
 
-    def late_lock(path: Path) -> AbstractContextManager[None]:
+    def late_lock(path: Path) -> AbstractContextManager[Epoch]:
         monkeypatch.setattr(evaluation, "run_lock", run_lock)
         assert evaluate_run(path, channel=Channel.read(0.5), episodes=8) == 8
         return run_lock(path)

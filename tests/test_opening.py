@@ -12,7 +12,7 @@ from msgdrop_cli.engine import opening
 from msgdrop_cli.engine import run as engine
 from msgdrop_cli.engine.run import train_cohort
 from msgdrop_cli.errors import RecordError
-from msgdrop_cli.records.files import run_lock
+from msgdrop_cli.records.files import Epoch, run_lock
 from msgdrop_cli.records.outcome import Outcome
 from msgdrop_cli.records.store import RunRecord, list_runs, run_path
 from tests.runs import StopAt, planned
@@ -24,11 +24,11 @@ def meanwhile(monkeypatch: pytest.MonkeyPatch, happens: Callable[[], object]) ->
     """Something happens between the first look at a run and its lock."""
 
     @contextmanager
-    def late_lock(path: Path) -> Iterator[None]:
+    def late_lock(path: Path) -> Iterator[Epoch]:
         monkeypatch.setattr(opening, "run_lock", run_lock)
         happens()
-        with run_lock(path):
-            yield
+        with run_lock(path) as epoch:
+            yield epoch
 
     monkeypatch.setattr(opening, "run_lock", late_lock)
 

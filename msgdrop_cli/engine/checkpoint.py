@@ -10,7 +10,7 @@ replay memory is written twice, once for every second checkpoint.
 """
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import asdict, dataclass
 from itertools import pairwise
@@ -107,8 +107,11 @@ class Checkpoint:
 class Checkpoints:
     """The checkpoints of one run; only the holder of the run's lock may use them."""
 
-    def __init__(self, run_path: Path, run_id: str) -> None:
-        self._run_path, self._run_id = run_path, run_id
+    def __init__(
+        self, run_path: Path, run_id: str, check: Callable[[], None] = lambda: None
+    ) -> None:
+        """check: raises if another process holds it by now; asked before a checkpoint stands."""
+        self._run_path, self._run_id, self._check = run_path, run_id, check
         self._folder = run_path / CHECKPOINTS
         self._replay = self._folder / REPLAY
         self._kept: dict[Path, Mapping[str, Fingerprint]] = {}
@@ -149,6 +152,7 @@ class Checkpoints:
                     | segments,
                 }
                 write_json_atomic(written / MANIFEST, {**manifest, "seal": seal(manifest)})
+                self._check()
                 written.rename(final)
                 sync_folder(self._folder)
         except OSError as error:

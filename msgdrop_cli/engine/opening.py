@@ -8,7 +8,7 @@ from msgdrop_cli.definition.spec import PlannedRun
 from msgdrop_cli.engine.checkpoint import Checkpoint, Checkpoints
 from msgdrop_cli.engine.facts import kernel_name
 from msgdrop_cli.errors import RunError
-from msgdrop_cli.records.files import count_jsonl, run_lock
+from msgdrop_cli.records.files import Epoch, count_jsonl, run_lock
 from msgdrop_cli.records.ours import refuse_links
 from msgdrop_cli.records.store import METRICS, RUNS, RunRecord, create_run, find_run, run_path
 
@@ -18,7 +18,7 @@ class Run:
     """One run in training."""
 
     planned: PlannedRun
-    path: Path
+    epoch: Epoch
     checkpoints: Checkpoints
     checkpoint: Checkpoint | None
     wall_time_s: float
@@ -29,42 +29,47 @@ class Run:
     diverged: str | None = None
 
     @property
+    def path(self) -> Path:
+        """Its folder."""
+        return self.epoch.path
+
+    @property
     def env_steps(self) -> int:
         """Environment steps that it goes on from."""
         return self.checkpoint.counters.env_steps if self.checkpoint else 0
 
 
-def lock(planned: PlannedRun, root: Path, locks: ExitStack) -> RunRecord | Path:
-    """The run's record if it is done, or else its folder, locked.
+def lock(planned: PlannedRun, root: Path, locks: ExitStack) -> RunRecord | Epoch:
+    """The run's record if it is done, or else its folder, locked from now on.
 
     Raises RecordError: another process trains it (75), or a link is in the way (73).
     """
-    path: Path | None = None
+    epoch: Epoch | None = None
     while True:  # look again under the lock: another process may have ended or begun it meanwhile
         record = find_run(root / RUNS, planned.run_id)
         if record is not None and record.status == "done":
             return record
         found = record.path if record is not None else run_path(root, planned)
-        if found == path:
-            return path
+        if epoch is not None and found == epoch.path:
+            return epoch
         refuse_links(root, found)
-        locks.enter_context(run_lock(found))
-        path = found
+        epoch = locks.enter_context(run_lock(found))
 
 
-def open_run(planned: PlannedRun, path: Path, device: str) -> Run:
+def open_run(planned: PlannedRun, epoch: Epoch, device: str) -> Run:
     """A run that is locked, and its newest checkpoint.
 
     Raises RunError if that is of another kernel or version, RecordError for damage.
     """
+    path = epoch.path
     record = find_run(path, planned.run_id)
     if record is None:
         record = create_run(path, planned, {})
-    checkpoints = Checkpoints(path, planned.run_id)
+    checkpoints = Checkpoints(path, planned.run_id, epoch.check)
     checkpoint = checkpoints.latest(count_jsonl(path / METRICS))
     if checkpoint is not None:
         _check_kernel(checkpoint, kernel_name(planned.spec, device))
-    run = Run(planned, path, checkpoints, checkpoint, float(record.run["wall_time_s"]), None)
+    run = Run(planned, epoch, checkpoints, checkpoint, float(record.run["wall_time_s"]), None)
     if record.env_steps > run.env_steps:
         start = f"{run.env_steps} env steps" if checkpoint else "the beginning"
         run.note = f"went on from {start}: what was newer is damaged or gone"

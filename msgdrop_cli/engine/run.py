@@ -25,6 +25,7 @@ from msgdrop_cli.engine.tensors import write_tensors
 from msgdrop_cli.engine.training import Training
 from msgdrop_cli.errors import RecordError
 from msgdrop_cli.records.files import (
+    Epoch,
     append_jsonl,
     cut_jsonl,
     sync_file,
@@ -66,7 +67,7 @@ def train_cohort(
         pending = []
         for planned in runs:
             found = lock(planned, root, locks)
-            if isinstance(found, Path):
+            if isinstance(found, Epoch):
                 pending.append(open_run(planned, found, device))
             else:
                 outcomes.append(_outcome(planned, found.path, "done", None))
@@ -95,6 +96,7 @@ def _train_group(
         code = error.exit_code if isinstance(error, RecordError) and error.exit_code > 64 else 3
         for run in runs:
             with suppress(RecordError):  # a full disk may refuse this, too
+                run.epoch.check()
                 set_status(run.path, "failed", reason)
         outcomes = [_outcome(run.planned, run.path, "failed", reason) for run in runs]
         return [replace(outcome, exit_code=code) for outcome in outcomes]
@@ -175,6 +177,7 @@ class _Session:
                 continue
             head = {"env_steps": training.env_steps}
             tail = {"wall_time_s": round(self._wall_time(run), 3)}
+            run.epoch.check()
             append_jsonl(run.path / METRICS, {**head, **row, **tail}, durable=False)
             run.rows += 1
             self.headline[number] = metrics[number][next(iter(training.env.metrics))]
@@ -200,6 +203,7 @@ class _Session:
         if self.logged_at < self.training.env_steps:
             self._log()
         for number, run in self._sound():
+            run.epoch.check()
             write_tensors(run.path / POLICY, self.training.learner.policy(number))
         outcomes = self._close("done")
         for _, run in self._sound():
@@ -209,6 +213,7 @@ class _Session:
     def _close(self, status: Status) -> list[Outcome]:
         outcomes = []
         for run in self.runs:
+            run.epoch.check()
             sync_file(run.path / METRICS)
             word: Status = "diverged" if run.diverged else status
             reason = run.diverged or run.note

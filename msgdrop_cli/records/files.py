@@ -11,6 +11,7 @@ import os
 import stat
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
+from dataclasses import dataclass
 from io import BufferedReader
 from pathlib import Path
 from typing import Any
@@ -23,7 +24,8 @@ CANNOT_READ, CANNOT_CREATE, CANNOT_WRITE, BUSY = 2, 73, 74, 75
 LARGEST_FILE = 32 * 2**20
 """Bytes of a log or of a policy; real ones have two million at most."""
 LOCK = "lock"
-"""The file of a run folder that whoever writes there holds."""
+"""The file of a run folder that whoever writes there holds; the name of its epoch stands in it."""
+_LONGEST_EPOCH = 64
 TEMPORARY = ".tmp-"
 """Begins the names of files and folders that are being written."""
 _DISK_FAULTS = (errno.EIO, errno.ENOSPC, errno.EDQUOT)
@@ -148,14 +150,40 @@ def opened(path: Path, largest: int = LARGEST_FILE) -> Iterator[BufferedReader]:
         raise _failed("cannot be read", path, error, CANNOT_READ) from error
 
 
+@dataclass(frozen=True, slots=True)
+class Epoch:
+    """The time in which one process writes in a run folder: from its lock until the next one's.
+
+    A process that was stopped may wake up when its folder has been made anew, or its lock file has
+    gone, or where the file system has no locks: it finds another name in the file, and must not go
+    on.
+    """
+
+    path: Path
+    """The run folder."""
+    name: str
+
+    def check(self) -> None:
+        """Raises RecordError (75) if another process has begun to write there."""
+        try:
+            current = read_bytes(self.path / LOCK, _LONGEST_EPOCH)
+        except RecordError:
+            current = b""
+        if current != self.name.encode():
+            problem = "another process has taken it over; nothing more is written by this one"
+            raise RecordError(_message(self.path, problem), BUSY)
+
+
 @contextmanager
-def run_lock(path: Path) -> Iterator[None]:
+def run_lock(path: Path) -> Iterator[Epoch]:
     """Holds the kernel's lock of the run folder `path`, which is made if need be.
 
     The lock goes with the process, however it ends; there is nothing to clean up. A file system
     without locks gives none (`commands.estimate.check_folder` says so before anything begins).
-    Raises RecordError: another process trains this run (75), or the folder cannot be made (73).
+    Raises RecordError: another process trains this run (75), the folder cannot be made (73), or
+    nothing can be written there (74).
     """
+    epoch = Epoch(path, os.urandom(8).hex())
     try:
         path.mkdir(parents=True, exist_ok=True)
         handle = _opened(path / LOCK, os.O_RDWR | os.O_CREAT)
@@ -164,12 +192,14 @@ def run_lock(path: Path) -> Iterator[None]:
     try:
         try:
             take_lock(handle)
+            os.ftruncate(handle, 0)
+            os.write(handle, epoch.name.encode())
         except BlockingIOError as error:
             raise RecordError(_message(path, "is in use by another process"), BUSY) from error
         except OSError as error:
             raise _failed("cannot be locked", path, error, CANNOT_WRITE) from error
         _remove_leftovers(path)
-        yield
+        yield epoch
     finally:
         os.close(handle)
 
