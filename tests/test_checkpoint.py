@@ -22,8 +22,12 @@ from tests.stopped_runs import STOPPED, flip, newest, resume, segments, stop
 
 @pytest.fixture(autouse=True)
 def asked_at_every_step(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Makes `stop` precise: it is asked after every step instead of twice a second."""
+    """Makes `stop` precise: it is asked after every step instead of twice a second.
+
+    And a checkpoint that a busy disk makes slow puts off none.
+    """
     monkeypatch.setattr("msgdrop_cli.engine.run._LOOK_UP_EVERY_S", 0.0)
+    monkeypatch.setattr("msgdrop_cli.engine.run._PUT_OFF", 0)
 
 
 @pytest.fixture(scope="module")
@@ -198,6 +202,7 @@ def test_a_slow_checkpoint_puts_the_next_one_off(
     """What takes a second is not done again for half a minute; the result is the same."""
     saved = []
     save, now = Checkpoints.save, [0.0]
+    monkeypatch.setattr("msgdrop_cli.engine.run._PUT_OFF", 50)
 
     def slow(checkpoints: Checkpoints, training: Training, run: int, **counters: Any) -> None:
         save(checkpoints, training, run, **counters)
