@@ -10,6 +10,7 @@ from msgdrop_cli.signals import end_at_once
 
 _SLOW = (
     *("train", "eval", "ablate", "unstable-test", "plot", "publish", "replay", "watch", "import"),
+    *("doctor", "reproduce", "verify", "export", "diff"),
 )
 """Commands that load torch or matplotlib before they can say anything else."""
 _QUICK = {"-h", "--help", "--list"}

@@ -20,6 +20,7 @@ from msgdrop_cli.commands import (
     ablate,
     config,
     diff,
+    doctor,
     eval,
     explain,
     export,
@@ -60,7 +61,7 @@ app = typer.Typer(
 )
 _COMMANDS = (
     *(ablate, train, eval, unstable_test, plot, status, explain, config, publish),
-    *(reproduce, verify, watch, replay, diff, export, mirror, import_archives),
+    *(reproduce, verify, watch, replay, diff, export, mirror, import_archives, doctor),
 )
 for _command in _COMMANDS:
     app.add_typer(_command.app)

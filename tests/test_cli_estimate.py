@@ -160,7 +160,7 @@ def test_absurd_sizes_are_refused(question: Path, tmp_path: Path, setting: str) 
 
 def test_memory_is_named_where_it_lacks(question: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Needed and free bytes stand in the line; a GPU's memory is not judged by the machine's."""
-    monkeypatch.setattr(estimate, "_free_memory", lambda: 1_000)
+    monkeypatch.setattr(estimate, "free_memory", lambda: 1_000)
     said = msgdrop("ablate", question, "--results", question.parent / "results")
     assert said.code == 2
     assert "1,000 bytes) are free" in said.err.splitlines()[-1]
@@ -178,7 +178,7 @@ def test_a_gpu_gets_all_that_can_be_stacked() -> None:
 def test_free_memory_is_a_part_of_the_machines() -> None:
     """More than nothing and at most what the machine has."""
     whole = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
-    assert 0 < estimate._free_memory() <= whole
+    assert 0 < estimate.free_memory() <= whole
 
 
 def test_a_claim_on_an_unknown_metric_is_refused(question: Path) -> None:

@@ -135,7 +135,7 @@ def test_a_folder_of_somebody_else_is_not_used(
     library = _plant(tmp_path / "cache", monkeypatch)
     monkeypatch.setattr(os, "geteuid", lambda: os.getuid() + 1)
     before = library.read_bytes()
-    assert build._kept_folder() != library.parent
+    assert build.kept_folder() != library.parent
     assert library.read_bytes() == before
 
 

@@ -83,7 +83,7 @@ def built(compiler: str, folder: Path) -> Path:
     version, processor = _version(compiler), _processor()
     flags = (*_FLAGS, *([_WIDE] if b"avx512f" in processor.split() else []))
     recipe = b"\0".join((*content, " ".join(flags).encode(), version, processor))
-    kept = _kept_folder()
+    kept = kept_folder()
     library = kept / f"kernels-{hashlib.sha256(recipe).hexdigest()[:16]}.so"
     if _is_whole(library):
         return library
@@ -112,7 +112,7 @@ def _version(compiler: str) -> bytes:
         return said.read()
 
 
-def _kept_folder() -> Path:
+def kept_folder() -> Path:
     """The folder in the user's cache, or one of this process alone if that cannot be relied on."""
     said = Path(os.environ.get("XDG_CACHE_HOME", ""))
     with suppress(OSError, RuntimeError):  # RuntimeError: there is no home

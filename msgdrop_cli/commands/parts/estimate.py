@@ -108,7 +108,7 @@ def finished_runs(root: Path) -> list[RunRecord]:
 
 def check_memory(needed_bytes: int, device: str) -> None:
     """Refuse (DefinitionError) to begin what does not fit into the machine; a GPU is not asked."""
-    if device == "cpu" and needed_bytes > (free := _free_memory()):
+    if device == "cpu" and needed_bytes > (free := free_memory()):
         raise DefinitionError(
             f"training needs {size(needed_bytes)} ({needed_bytes:,} bytes) of memory, "
             f"{size(free)} ({free:,} bytes) are free; take fewer --workers or smaller settings"
@@ -139,7 +139,7 @@ def check_folder(root: Path, needed_bytes: int) -> None:
         )
 
 
-def _free_memory() -> int:
+def free_memory() -> int:
     """Bytes that Linux could still give to a process; elsewhere, all that the machine has."""
     with suppress(OSError, ValueError, IndexError):
         for line in Path("/proc/meminfo").read_text().splitlines():
