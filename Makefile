@@ -4,6 +4,9 @@
 #   make test    install with the test extras, run the whole suite
 #   make lint    ruff and mypy
 #   make docs    the site and the man pages, in build/; a warning is an error
+#   make faults  everything that must survive kills, full disks, damage and other people's files, an
+#                hour on two cores (a tenth of it: make faults FAULTS=0.1)
+#   make audit   known vulnerabilities and suspicious code, as far as that works without a network
 #   make bench   env steps per second, ours and the straightforward implementation's; the floor
 #   make readme  the numbers in README.md and results/README.md again, from the published records
 #   make clean   remove caches and builds      make distclean   remove .venv, too
@@ -11,13 +14,14 @@
 
 SHELL := /bin/sh
 PYTHON ?=
+FAULTS ?= 1
 VENV := .venv
 BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip --disable-pip-version-check
 SETUP := pyproject.toml constraints.txt
 INSIDE := XDG_CACHE_HOME="$(CURDIR)/.cache" MPLCONFIGDIR="$(CURDIR)/.cache/matplotlib"
 
-.PHONY: demo test lint docs bench readme clean distclean
+.PHONY: demo test lint docs faults audit bench readme clean distclean
 .NOTPARALLEL:
 .DELETE_ON_ERROR:
 
@@ -39,6 +43,15 @@ docs: $(VENV)/docs.stamp
 	$(INSIDE) $(BIN)/mkdocs build --strict --clean --config-file build/mkdocs.yml
 	$(INSIDE) $(BIN)/python -m docs.manual build/man
 	@echo "build/site/docs/index.html; man -l build/man/msgdrop.1"
+
+faults: $(VENV)/test.stamp
+	$(INSIDE) OMP_NUM_THREADS=1 FAULTS=$(FAULTS) $(BIN)/python -m tests.faults
+
+# pip-audit asks a service on the network; what it says there, or that nobody answers, is shown and
+# is no failure of the target (the dash).
+audit: $(VENV)/audit.stamp
+	$(BIN)/bandit --configfile pyproject.toml --quiet --recursive msgdrop_cli envs ablations
+	-$(BIN)/pip-audit --skip-editable --progress-spinner off
 
 bench: $(VENV)/demo.stamp
 	$(INSIDE) OMP_NUM_THREADS=1 $(BIN)/python -m benchmarks.throughput
@@ -71,6 +84,10 @@ $(VENV)/lint.stamp: $(VENV)/torch.stamp $(SETUP)
 
 $(VENV)/docs.stamp: $(VENV)/torch.stamp $(SETUP)
 	$(PIP) install --quiet -c constraints.txt -e '.[docs]'
+	@touch $@
+
+$(VENV)/audit.stamp: $(VENV)/torch.stamp $(SETUP)
+	$(PIP) install --quiet -c constraints.txt -e '.[audit]'
 	@touch $@
 
 # torch alone and first, pinned: if the resolver may look around for it, it fetches several builds

@@ -15,7 +15,7 @@ ROOT = Path(__file__).resolve().parents[1]
 
 
 @pytest.mark.skipif(shutil.which("make") is None, reason="there is no make here")
-@pytest.mark.parametrize("target", ["demo", "test", "docs", "bench"])
+@pytest.mark.parametrize("target", ["demo", "test", "docs", "faults", "bench"])
 def test_what_lasts_stays_in_this_folder(target: str) -> None:
     """Whatever runs our code keeps its caches in `.cache`; what installs it keeps pip's own."""
     done = subprocess.run(

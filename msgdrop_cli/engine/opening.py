@@ -3,6 +3,7 @@
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from msgdrop_cli.definition.spec import PlannedRun
 from msgdrop_cli.engine.checkpoint import Checkpoint, Checkpoints
@@ -10,7 +11,16 @@ from msgdrop_cli.engine.facts import kernel_name
 from msgdrop_cli.errors import RunError
 from msgdrop_cli.records.files import Epoch, count_jsonl, run_lock
 from msgdrop_cli.records.ours import refuse_links
-from msgdrop_cli.records.store import METRICS, RUNS, RunRecord, create_run, find_run, run_path
+from msgdrop_cli.records.store import (
+    METRICS,
+    RUNS,
+    RunRecord,
+    Status,
+    create_run,
+    find_run,
+    run_path,
+    set_status,
+)
 
 
 @dataclass(slots=True)
@@ -37,6 +47,11 @@ class Run:
     def env_steps(self) -> int:
         """Environment steps that it goes on from."""
         return self.checkpoint.counters.env_steps if self.checkpoint else 0
+
+    def write_down(self, status: Status, reason: str | None = None, **facts: Any) -> None:
+        """Put a word and facts into its record; RecordError (75) if that is another process's."""
+        self.epoch.check()
+        set_status(self.path, status, reason, **facts)
 
 
 def lock(planned: PlannedRun, root: Path, locks: ExitStack) -> RunRecord | Epoch:

@@ -38,7 +38,6 @@ from msgdrop_cli.records.store import (
     PROGRESS,
     Status,
     find_run,
-    set_status,
 )
 
 NOT_EXACT = "not bit-exact: it was resumed, and its game does not repeat itself from its seed"
@@ -86,7 +85,7 @@ def _train_group(
         if encoder is None:
             reason = "stopped while its encoder learnt"
             for run in runs:
-                set_status(run.path, "interrupted", reason)
+                run.write_down("interrupted", reason)
             return [_outcome(run.planned, run.path, "interrupted", reason) for run in runs]
         training.begin(encoder.weights)
         known = {"pretraining": asdict(encoder.facts)} if encoder.facts else {}
@@ -96,8 +95,7 @@ def _train_group(
         code = error.exit_code if isinstance(error, RecordError) and error.exit_code > 64 else 3
         for run in runs:
             with suppress(RecordError):  # a full disk may refuse this, too
-                run.epoch.check()
-                set_status(run.path, "failed", reason)
+                run.write_down("failed", reason)
         outcomes = [_outcome(run.planned, run.path, "failed", reason) for run in runs]
         return [replace(outcome, exit_code=code) for outcome in outcomes]
 
@@ -122,9 +120,9 @@ class _Session:
                     run.note = f"{run.note}; {NOT_EXACT}" if run.note else NOT_EXACT
                 run.rows = run.checkpoint.counters.rows
                 self.logged_at = run.checkpoint.counters.logged_at
-            cut_jsonl(run.path / METRICS, run.rows)
             run.checkpoint = None  # its replay memory has been copied
-            set_status(run.path, "running", **known)
+            run.write_down("running", **known)
+            cut_jsonl(run.path / METRICS, run.rows)
         self.clock = self.put_off_until = time.monotonic()
         self.steps_at_start = self.training.env_steps
         self.headline: list[float | None] = [None] * len(runs)
@@ -195,7 +193,7 @@ class _Session:
                 logged_at=self.logged_at,
                 kernel=self.kernel,
             )
-            set_status(run.path, "running", **self._progress_facts(run))
+            run.write_down("running", **self._progress_facts(run))
         now = time.monotonic()
         self.put_off_until = now + _PUT_OFF * max(now - began - _QUICK_S, 0.0)
 
@@ -213,11 +211,10 @@ class _Session:
     def _close(self, status: Status) -> list[Outcome]:
         outcomes = []
         for run in self.runs:
-            run.epoch.check()
             sync_file(run.path / METRICS)
             word: Status = "diverged" if run.diverged else status
             reason = run.diverged or run.note
-            set_status(run.path, word, reason, **self._progress_facts(run))
+            run.write_down(word, reason, **self._progress_facts(run))
             outcomes.append(_outcome(run.planned, run.path, word, reason))
             (run.path / PROGRESS).unlink(missing_ok=True)
         return outcomes

@@ -1,0 +1,81 @@
+"""Trials that ask for the end: Ctrl-C once and twice, SIGTERM, SIGHUP."""
+
+import os
+import signal
+import time
+from functools import partial
+from pathlib import Path
+
+from tests.faults.row import Trial, expect
+from tests.faults.study import command, go_on, seconds_undisturbed, start, wait_until
+from tests.processes import words_of
+
+_WORDS_WITHIN_S, _STOPS_WITHIN_S, _ENDS_WITHIN_S = 0.1, 10.0, 1.0
+_WORKERS = 10
+"""One trial of so many trains on two workers."""
+
+
+def ask_once(signum: signal.Signals, trial: Trial) -> float | None:
+    """One signal in training: returns how long its words took."""
+    workers = 2 if trial.number % _WORKERS == 0 else 1
+    results = trial.folder / "results"
+    again = command(trial.bench, results, seeds=workers, workers=workers)
+    process = start(again, trial.folder)
+    took = None
+    if wait_until(lambda: _is_training(results), process):
+        time.sleep(trial.rng.uniform(0.0, 0.8 * seconds_undisturbed(trial)))
+        asked = time.monotonic()
+        process.send(signum)
+        if wait_until(lambda: "stopping: writing checkpoints" in process.said, process, 20.0):
+            took = time.monotonic() - asked
+    code = process.wait(_STOPS_WITHIN_S * _slowness())
+    said = process.said
+    if "stopping: " in said:
+        expect(code == 128 + signum, f"ended with {code}: {process.last_line()}")
+        expect("the same command goes on:\n  msgdrop ablate" in said, "how to go on is not said")
+    else:  # it came before there was anything to stop, or after the end
+        expect(code in (0, 128 + signum), f"ended with {code}: {process.last_line()}")
+    limit = _WORDS_WITHIN_S * _slowness()
+    expect(took is None or took < limit, f"words took {took} s, more than {limit:.1f}")
+    expect("Traceback" not in said, "a traceback was shown")
+    go_on(trial, again, seeds=workers)
+    return took
+
+
+def ask_twice(trial: Trial) -> float | None:
+    """Ctrl-C again a moment later: returns how long the end took."""
+    results = trial.folder / "results"
+    again = command(trial.bench, results)
+    process = start(again, trial.folder)
+    took = None
+    if wait_until(lambda: _is_training(results), process):
+        time.sleep(trial.rng.uniform(0.0, 0.5 * seconds_undisturbed(trial)))
+        process.send(signal.SIGINT)
+        time.sleep(trial.rng.uniform(0.0, 0.02))
+        asked = time.monotonic()
+        process.send(signal.SIGINT)
+        code = process.wait()
+        took = time.monotonic() - asked
+        limit = _ENDS_WITHIN_S * _slowness()
+        expect(took < limit, f"the end took {took:.1f} s, more than {limit:.1f}")
+        expect(code in (0, 130), f"ended with {code}: {process.last_line()}")
+        expect(code == 0 or words_of(results) != ["done"] or "stopped" in process.said, "silent")
+    else:
+        process.wait()
+    go_on(trial, again)
+    return took
+
+
+def _is_training(results: Path) -> bool:
+    """Whether its first row is written."""
+    return any(log.stat().st_size for log in results.glob("runs/*/*/metrics.jsonl"))
+
+
+def _slowness() -> float:
+    """How many processes share a processor here: limits hold for a machine that is idle."""
+    return max(os.getloadavg()[0] / (os.cpu_count() or 1), 1.0)
+
+
+ctrl_c, terminate, hang_up = (
+    partial(ask_once, each) for each in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+)
