@@ -105,5 +105,6 @@ def test_the_oracle_names_what_differs(trained: Path, tmp_path: Path, what: str)
 def test_the_oracle_misses_no_run(trained: Path, tmp_path: Path) -> None:
     """A run that is not there differs from one that is."""
     shutil.copytree(trained, tmp_path / "results")
-    train_cohort([planned(seed=2, train_env_steps=80)], tmp_path / "results")
+    [other] = train_cohort([planned(seed=2, train_env_steps=80)], tmp_path / "results")
+    (other.path / "episodes.jsonl").touch()
     assert "is on one side only" in str(first_difference(trained, tmp_path / "results"))

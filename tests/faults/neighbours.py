@@ -1,12 +1,13 @@
 """Trials with others in the same folder: a second runner, readers, and a writer that comes back."""
 
+import shutil
+import signal
 import time
 
 from tests.faults.oracle import check_same
 from tests.faults.row import Trial, expect
 from tests.faults.study import check_tidy, command, go_on, seconds_undisturbed, start, undisturbed
 
-_BUSY_WITHIN_S = 2.0
 READS = 10
 """Looks of the readers in one trial."""
 
@@ -47,3 +48,23 @@ def read_in_a_loop(trial: Trial) -> float:
     check_same(undisturbed(trial), results)
     check_tidy(results)
     return took
+
+
+def wake_a_stale_writer(trial: Trial) -> None:
+    """Stopped, its folder made anew by the same command, continued: it writes nothing there."""
+    results = trial.folder / "results"
+    again = command(trial.bench, results)
+    stale = start(again, trial.folder)
+    time.sleep(trial.rng.uniform(0.0, seconds_undisturbed(trial)))
+    stale.send(signal.SIGSTOP)
+    shutil.rmtree(results / "runs", ignore_errors=True)
+    go_on(trial, again)
+    before = {path: path.read_bytes() for path in results.rglob("run.json")}
+    stale.send(signal.SIGCONT)
+    code = stale.wait()
+    # 0: it was not yet at work, or had just ended; it then found everything done.
+    expect(code in (0, 2, 3, 73, 74, 75), f"the stale one ended with {code}: {stale.last_line()}")
+    expect("Traceback" not in stale.said, "a traceback was shown")
+    after = {path: path.read_bytes() for path in results.rglob("run.json")}
+    expect(after == before, "the record was changed")
+    check_same(undisturbed(trial), results)

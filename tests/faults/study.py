@@ -25,6 +25,7 @@ from msgdrop_cli import app
 from msgdrop_cli.engine import run as run_module
 from msgdrop_cli.engine.checkpoint import Checkpoints
 from msgdrop_cli.records.store import list_runs
+from msgdrop_cli.signals import SIGNALS
 from tests.faults.oracle import KEPT, check_same
 from tests.faults.row import Broken, Trial, expect
 
@@ -197,6 +198,8 @@ def _become(arguments: Sequence[str], said: Path, before: Callable[[], Any]) -> 
     libc.prctl(_PR_SET_PDEATHSIG, signal.SIGKILL, 0, 0, 0)
     libc.prctl(_PR_SET_PTRACER, ctypes.c_ulong(-1), 0, 0, 0)  # strace is no ancestor of ours
     os.setsid()
+    for each in SIGNALS:  # a shell's background jobs ignore Ctrl-C
+        signal.signal(each, signal.SIG_DFL)
     handle = os.open(said, os.O_WRONLY | os.O_APPEND)
     for stream, target in ((os.open(os.devnull, os.O_RDONLY), 0), (handle, 1), (handle, 2)):
         os.dup2(stream, target)
