@@ -15,9 +15,10 @@ from msgdrop_cli.engine.run import train_cohort
 from msgdrop_cli.engine.training import Training
 from msgdrop_cli.errors import RunError
 from msgdrop_cli.records.files import count_jsonl
+from msgdrop_cli.records.seals import Fingerprint, fingerprint
 from msgdrop_cli.records.store import METRICS
 from tests.runs import StopAt, digest, planned
-from tests.stopped_runs import STOPPED, flip, newest, resume, segments, stop
+from tests.stopped_runs import STOPPED, flip, newest, resume, rewrite, segments, stop
 
 
 @pytest.fixture(autouse=True)
@@ -69,6 +70,11 @@ def put_a_folder(folder: Path) -> None:
     (segment / "deep").mkdir(parents=True)
 
 
+def say_no_size(folder: Path) -> None:
+    """A sealed manifest of somebody else, whose size is a word."""
+    rewrite(newest(folder), lambda said: said["files"]["state.safetensors"].update(size="many"))
+
+
 def cut_log(folder: Path) -> None:
     """The log has lost a row that both checkpoints rely on."""
     log = folder / "metrics.jsonl"
@@ -82,6 +88,7 @@ DAMAGE: dict[str, tuple[Callable[[Path], object], int]] = {
     "folder instead of a segment": (put_a_folder, 320),
     "counter changed": (change_counter, 320),
     "manifest nested": (nest, 320),
+    "manifest with a word for a size": (say_no_size, 320),
     "manifests blank": (blank_all, 0),
     "log cut": (cut_log, 0),
     "log gone": (lambda folder: (folder / "metrics.jsonl").unlink(), 0),
@@ -137,6 +144,23 @@ def test_whatever_one_file_suffers_a_checkpoint_is_whole(tmp_path: Path) -> None
         found = Checkpoints(copy, run.run_id).latest(count_jsonl(copy / METRICS))
         assert found is not None, file
         assert found.counters.env_steps in (320, 360)
+
+
+def test_a_file_that_has_grown_is_not_read(stopped: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Two gigabytes that take no room on a disk would take them in the memory."""
+    read: list[int] = []
+
+    def look(content: bytes) -> Fingerprint:
+        read.append(len(content))
+        return fingerprint(content)
+
+    monkeypatch.setattr("msgdrop_cli.engine.checkpoint.fingerprint", look)
+    with (newest(stopped) / "state.safetensors").open("r+b") as file:
+        file.truncate(100_000_000)
+    found = Checkpoints(stopped, planned().run_id).latest(10**9)
+    assert found is not None
+    assert found.counters.env_steps == 320
+    assert max(read) < 10_000_000
 
 
 def test_a_long_stretch_is_written_in_pieces(

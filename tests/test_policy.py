@@ -187,3 +187,12 @@ def test_channels_stay_the_evaluations_own(run: Path) -> None:
         total += sum(rewards.values())
     [row] = evaluate(run, channel=Channel.read(1.0), episodes=1)
     assert total == pytest.approx(row["return"], abs=1e-2)
+
+
+def test_a_policy_that_is_too_large_is_not_read(run: Path, tmp_path: Path) -> None:
+    """A hole of two gigabytes takes no room on a disk, but would take them in the memory."""
+    shutil.copytree(run, tmp_path / run.name)
+    with (tmp_path / run.name / "policy.safetensors").open("r+b") as file:
+        file.truncate(2**31 - 1)
+    with pytest.raises(RecordError, match=r"policy\.safetensors: .* has more than \d,\d{3},\d{3} "):
+        load_policy(tmp_path / run.name)

@@ -217,7 +217,8 @@ class Checkpoints:
         contents: dict[str, dict[str, Tensor]] = {}
         for name, expected in sorted(manifest.files.items()):
             file = path / name if name == STATE else self._replay / name
-            content = read_bytes(file, LARGEST_FILE)
+            size = expected.get("size")
+            content = read_bytes(file, min(size if isinstance(size, int) else 0, LARGEST_FILE))
             if fingerprint(content) != expected:
                 raise RecordError(f"{file}: is damaged: it is not what the manifest says")
             contents[name] = parse_tensors(content, file)

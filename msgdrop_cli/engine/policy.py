@@ -48,9 +48,9 @@ def read_trained(run_path: Path, device: str = "cpu") -> Trained:
         learner = learner_class(spec.algorithm)([spec.algorithm_config], env, device)
     except DefinitionError as error:
         raise RecordError(str(error)) from error
-    file = run_path / POLICY
-    weights = read_tensors(file)
-    copy_into(learner.policy(0), weights, file)
+    file, policy = run_path / POLICY, learner.policy(0)
+    weights = read_tensors(file, policy)
+    copy_into(policy, weights, file)
     check_finite(weights, file)
     return Trained(spec, env, learner)
 

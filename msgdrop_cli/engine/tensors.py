@@ -39,9 +39,15 @@ def parse_tensors(content: bytes, path: Path) -> dict[str, Tensor]:
     return tensors
 
 
-def read_tensors(path: Path) -> dict[str, Tensor]:
-    """The tensors in `path`; RecordError (2) if it cannot be read or is damaged."""
-    return parse_tensors(read_bytes(path, LARGEST_FILE), path)
+def read_tensors(path: Path, views: Mapping[str, Tensor] | None = None) -> dict[str, Tensor]:
+    """The tensors in `path`; RecordError (2) if it cannot be read or is damaged.
+
+    views: what they are to fit, if that is known; then no file that is larger is read at all.
+    """
+    largest = LARGEST_FILE
+    if views is not None:
+        largest = sum(view.nbytes for view in views.values()) + _LARGEST_HEADER
+    return parse_tensors(read_bytes(path, largest), path)
 
 
 def check_finite(tensors: Mapping[str, Tensor], path: Path) -> None:

@@ -65,12 +65,13 @@ def check_policy(record: RunRecord, spec: RunSpec) -> None:
     from msgdrop_cli.engine.tensors import check_finite, copy_into, read_tensors
     from msgdrop_envs import registry
 
-    weights = read_tensors(record.path / POLICY)
-    check_finite(weights, record.path / POLICY)
+    file = record.path / POLICY
     with on_no_device("its settings"):
         env = registry.make(spec.environment_config, "meta")
-        learner = learner_class(spec.algorithm)([spec.algorithm_config], env, "meta")
-        copy_into(learner.policy(0), weights, record.path / POLICY)
+        policy = learner_class(spec.algorithm)([spec.algorithm_config], env, "meta").policy(0)
+    weights = read_tensors(file, policy)
+    copy_into(policy, weights, file)
+    check_finite(weights, file)
 
 
 def _check_end(record: RunRecord, log: str) -> None:
