@@ -106,11 +106,20 @@ _POLICIES: dict[str, bytes] = {
     "an empty header": _tensors({}),
 }
 _FILES = ("policy.safetensors", "run.json", "episodes.jsonl")
+
+
+def _sparse(file: Path) -> None:
+    """Two gigabytes that take no room on the disk."""
+    with file.open("wb") as hole:
+        hole.truncate(2**31 - 1)
+
+
 _LINKS: dict[str, Callable[[Path], None]] = {
     "a link to a password": lambda file: file.symlink_to("/etc/passwd"),
     "a link to itself": lambda file: file.symlink_to(file),
     "a pipe": lambda file: os.mkfifo(file),
     "a folder": lambda file: file.mkdir(),
+    "two gigabytes of nothing": _sparse,
     "a link to zeros": lambda file: file.symlink_to("/dev/zero"),
 }
 

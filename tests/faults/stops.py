@@ -1,6 +1,5 @@
 """Trials that ask for the end: Ctrl-C once and twice, SIGTERM, SIGHUP."""
 
-import os
 import signal
 import time
 from functools import partial
@@ -15,6 +14,7 @@ from tests.faults.study import (
     command,
     go_on,
     seconds_undisturbed,
+    slowness,
     start,
     wait_until,
 )
@@ -39,7 +39,7 @@ def ask_once(signum: signal.Signals, trial: Trial) -> float | None:
         process.send(signum)
         if wait_until(lambda: "stopping: writing checkpoints" in process.said, process, 20.0):
             took = time.monotonic() - asked
-    code = process.wait(_STOPS_WITHIN_S * _slowness())
+    code = process.wait(_STOPS_WITHIN_S * slowness())
     said = process.said
     if early or "stopping: " in said:
         expect(code == 128 + signum, f"ended with {code}: {process.last_line()}")
@@ -47,7 +47,7 @@ def ask_once(signum: signal.Signals, trial: Trial) -> float | None:
         expect("interrupted" in words_of(results), f"the runs are {words_of(results)}")
     else:  # it came after the training
         expect(code in (0, 128 + signum), f"ended with {code}: {process.last_line()}")
-    limit = _WORDS_WITHIN_S * _slowness()
+    limit = _WORDS_WITHIN_S * slowness()
     expect(took is None or took < limit, f"words took {took} s, more than {limit:.1f}")
     expect("Traceback" not in said, "a traceback was shown")
     go_on(trial, again, seeds=workers)
@@ -68,7 +68,7 @@ def ask_twice(trial: Trial) -> float | None:
         process.send(signal.SIGINT)
         code = process.wait()
         took = time.monotonic() - asked
-        limit = _ENDS_WITHIN_S * _slowness()
+        limit = _ENDS_WITHIN_S * slowness()
         expect(took < limit, f"the end took {took:.1f} s, more than {limit:.1f}")
         expect(code in (0, 130), f"ended with {code}: {process.last_line()}")
     else:
@@ -85,11 +85,6 @@ def _windows(results: Path) -> int:
 def _look_often() -> None:
     """A run of a second would be over before it looks whether to stop."""
     run_module._LOOK_UP_EVERY_S = 0.02
-
-
-def _slowness() -> float:
-    """How many processes share a processor here: limits hold for a machine that is idle."""
-    return max(os.getloadavg()[0] / (os.cpu_count() or 1), 1.0)
 
 
 ctrl_c, terminate, hang_up = (

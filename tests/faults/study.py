@@ -188,6 +188,11 @@ def wait_until(fact: Callable[[], object], process: Running, seconds: float = 30
     return True
 
 
+def slowness() -> float:
+    """How many processes share a processor here: limits hold for a machine that is idle."""
+    return max(os.getloadavg()[0] / (os.cpu_count() or 1), 1.0)
+
+
 def _resident_bytes() -> int:
     return int(Path("/proc/self/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE")
 
