@@ -42,8 +42,9 @@ from msgdrop_cli.records.store import (
 
 NOT_EXACT = "not bit-exact: it was resumed, and its game does not repeat itself from its seed"
 _LOOK_UP_EVERY_S = 0.5
-_QUICK_S, _PUT_OFF = 0.5, 50
-"""What a checkpoint takes beyond half a second must be 2% of the training until the next one."""
+_QUICK_S, _PUT_OFF = 0.15, 50
+"""A checkpoint that takes longer is 2% of the time until the next one, at most; a quicker one is no
+more than that of the shortest default interval, 7 s (benchmarks/NOTES.md)."""
 
 
 @arithmetic.settled()
@@ -195,7 +196,8 @@ class _Session:
             )
             run.write_down("running", **self._progress_facts(run))
         now = time.monotonic()
-        self.put_off_until = now + _PUT_OFF * max(now - began - _QUICK_S, 0.0)
+        took = now - began
+        self.put_off_until = now + (_PUT_OFF * took if took > _QUICK_S else 0.0)
 
     def _finish(self) -> list[Outcome]:
         if self.logged_at < self.training.env_steps:
