@@ -138,6 +138,15 @@ def test_what_is_no_record_is_refused(tmp_path: Path, name: str) -> None:
     assert (str(caught.value).isprintable(), caught.value.exit_code) == (True, 2)
 
 
+def test_a_pipe_is_not_replaced_by_a_file(tmp_path: Path) -> None:
+    """Nor a device: for the superuser /dev/null would be a file from then on."""
+    os.mkfifo(tmp_path / "pipe")
+    with pytest.raises(RecordError, match="pipe: is there and is no file") as caught:
+        write_json_atomic(tmp_path / "pipe", {})
+    assert caught.value.exit_code == 73
+    assert (tmp_path / "pipe").is_fifo()
+
+
 def test_texts_come_back_without_control_characters(tmp_path: Path) -> None:
     """An escape sequence in somebody's record does not reach the terminal."""
     (tmp_path / "a").write_text(json.dumps({"a\x1b[2J": ["b\x07\n", "\u202ec"]}))

@@ -189,3 +189,20 @@ def test_damage_is_noted_and_made_again(tmp_path: Path, capsys: pytest.CaptureFi
     [noted] = [line for line in capsys.readouterr().err.splitlines() if str(path) in line]
     assert "is damaged" in noted
     assert find_references(tmp_path, game_key(game(3)["environment"])) == first[path.stem]
+
+
+@pytest.mark.parametrize("place", ["published/study", "runs"])
+def test_nothing_is_kept_in_a_run_or_in_what_is_published(place: str, tmp_path: Path) -> None:
+    """Whoever looks at one run makes them for its results folder, where they are found again."""
+    run = write_run(tmp_path / "made", "dcc", 1, spec=game(3))
+    study = tmp_path / place
+    there = study / "pursuit-n6" / run.path.name
+    there.parent.mkdir(parents=True)
+    run.path.rename(there)
+    (study / "TABLES.md").touch()
+    before = sorted(study.rglob("*"))
+    first = references_of([run], there)
+    assert sorted(study.rglob("*")) == before
+    [path] = (tmp_path / "references").iterdir()
+    path.write_text(path.read_text().replace("200", "7", 1))  # that it is read the next time
+    assert references_of([run], there) != first

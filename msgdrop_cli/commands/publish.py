@@ -60,7 +60,7 @@ def publish(
     if not records:
         what = f"{results}: holds no finished run of {definition.name}, profile {asked.profile}"
         raise DefinitionError(f"{what} (train them: {_command(name, profile, reading or ())})")
-    references = references_of(records, folder.made())
+    references = references_of(records, folder.made(), kept_in=folder.made())
     study = study_of(records, definition, asked.profile, references)
     note_left_out(study.summary)
     copies = copy(records, folder)  # what cannot be summarised is not published

@@ -49,7 +49,12 @@ def write_jsonl_atomic(path: Path, rows: Iterable[Mapping[str, Any]]) -> None:
 
 
 def write_bytes_atomic(path: Path, content: bytes, *, durable: bool = True) -> None:
-    """Replaces `path`, or a link there, by `content`, whole or not at all; RecordError (74)."""
+    """Replaces `path`, or a link there, by `content`, whole or not at all; RecordError (74).
+
+    A device or a pipe is refused (73): for the superuser /dev/null would be a file from then on.
+    """
+    if path.exists() and not (path.is_file() or path.is_dir()):
+        raise RecordError(_message(path, "is there and is no file; name another"), CANNOT_CREATE)
     temporary = path.with_name(f"{TEMPORARY}{os.urandom(8).hex()}")
     try:
         with os.fdopen(_opened(temporary, os.O_WRONLY | os.O_CREAT | os.O_EXCL), "wb") as file:

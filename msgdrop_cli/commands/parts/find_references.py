@@ -13,24 +13,44 @@ from msgdrop_cli.records.references import (
     keep_references,
     read_references,
 )
-from msgdrop_cli.records.store import RUN, RunRecord
+from msgdrop_cli.records.store import RUN, RUNS, RunRecord
+from msgdrop_cli.report.write import pages_folder
+
+_RUN_DEPTH = 2
+"""A run is `runs/<environment>/<run>`."""
 
 
-def references_of(records: Sequence[RunRecord], root: Path) -> dict[str, References]:
+def references_of(
+    records: Sequence[RunRecord], root: Path, *, kept_in: Path | None = None
+) -> dict[str, References]:
     """The reference policies of every game among finished runs, by `game_key`.
 
-    They are looked for below `root`, a results folder, and kept there if it can be written to.
-    A damaged file is noted and made again. A game that this program cannot play has none.
+    They are looked for below `root` and in the results folder that it lies in, and kept there, or
+    in `kept_in`, if that can be written to: nothing is kept in a run, or in what is published. A
+    damaged file is noted and made again. A game that this program cannot play has none.
     """
+    home = kept_in or _home(root)
     found: dict[str, References] = {}
     for record in records:
         if record.status != "done" or record.setup is None:
             continue
         key = game_key(record.setup.environment)
-        references = found.get(key) or _kept(root, key) or _played(record, root, key)
+        references = found.get(key) or _kept(root, key)
+        if references is None and home != root:
+            references = _kept(home, key)
+        references = references or _played(record, home, key)
         if references is not None:
             found[key] = references
     return found
+
+
+def _home(root: Path) -> Path:
+    """The results folder that `root` is or lies in; `root` if it is in none."""
+    if (above := pages_folder(root).root) != root:  # it is published
+        return above
+    place = root.resolve()
+    runs = [folder for folder in (place, *place.parents[:_RUN_DEPTH]) if folder.name == RUNS]
+    return runs[0].parent if runs else root
 
 
 def _kept(root: Path, key: str) -> References | None:
