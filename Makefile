@@ -1,6 +1,6 @@
 # Everything runs in .venv, and what lasts stays in this folder: compiled code and the list of fonts
 # go to .cache. Only pip keeps its downloads where it always does, for the next clone.
-#   make demo    install, train for about three minutes, show table and figure
+#   make demo    install, the page of the published records, then training for about three minutes
 #   make test    install with the test extras, run the whole suite
 #   make lint    ruff and mypy
 #   make docs    the site and the man pages, in build/; a warning is an error
@@ -25,8 +25,8 @@ INSIDE := XDG_CACHE_HOME="$(CURDIR)/.cache" MPLCONFIGDIR="$(CURDIR)/.cache/matpl
 .NOTPARALLEL:
 .DELETE_ON_ERROR:
 
-# The page of the published records belongs here, before the training.
 demo: $(VENV)/demo.stamp
+	$(INSIDE) $(BIN)/msgdrop reproduce
 	$(INSIDE) $(BIN)/msgdrop ablate ablations/demo.toml
 
 test: $(VENV)/test.stamp
