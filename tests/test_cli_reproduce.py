@@ -86,11 +86,11 @@ def test_failed_runs_are_named_with_their_reason(made: Made) -> None:
 
 
 def test_figures_stand_with_the_claims_that_they_show(made: Made) -> None:
-    """Learning curves with what is said of learning."""
+    """Learning curves, and their differences, with what is said of learning."""
     page = (made.folder / "reproduce.html").read_text()
     section = page.partition('id="figure-3c"')[2].partition("<section")[0]
-    assert section.count("data:image/png;base64,") == 1
-    assert "navigation-n8-half-million-500000-learning" in section
+    assert section.count("data:image/png;base64,") == 2
+    assert "navigation-n8-half-million-500000-learning-differences" in section
 
 
 @cache

@@ -15,7 +15,7 @@ from msgdrop_cli.engine.facts import facts
 from msgdrop_cli.engine.offers import catalogue
 from msgdrop_cli.records.files import append_jsonl
 from msgdrop_cli.records.store import EPISODES, METRICS, RUN, create_run, run_path, set_status
-from msgdrop_cli.report import figures
+from msgdrop_cli.report.drawn import Drawn
 from msgdrop_envs import registry
 from tests.cli_runs import msgdrop
 
@@ -31,7 +31,7 @@ WRONG: list[Any] = [
 def quick(monkeypatch: pytest.MonkeyPatch) -> None:
     """Figures that are laid out and not painted, and reference policies that play once."""
     monkeypatch.setattr(play_references, "EPISODES", 1)
-    monkeypatch.setattr(figures, "png", lambda figure: b"")
+    monkeypatch.setattr(Drawn, "picture", lambda drawn, suffix: b"")
 
 
 @pytest.fixture
@@ -94,7 +94,7 @@ def test_no_value_in_a_record_is_a_bug_of_ours(record: Path) -> None:
     All seventeen in all places are 5,529 command lines and half an hour: that was done by hand.
     """
     good = json.loads(record.read_text())
-    assert msgdrop("plot", record.parents[3]).out.count(".png") == 3
+    assert msgdrop("plot", record.parents[3]).out.count(".png") == 5
     for number, at in enumerate(places(good)):
         record.write_text(changed(good, at, WRONG[number % len(WRONG)]))
         check(record)

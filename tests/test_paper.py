@@ -17,7 +17,7 @@ CITING = sorted(
     path
     for folder in ("msgdrop_cli", "envs", "ablations", "benchmarks", "tests", "PAPER.md")
     for path in [ROOT / folder, *(ROOT / folder).rglob("*")]
-    if path.suffix in {".py", ".toml", ".md", ".c", ".h"}
+    if path.suffix in {".py", ".toml", ".md", ".c", ".h"} and "corpus" not in path.parts
 )
 SPAN = r"\d+(?:-\d+)?"
 CITATION = re.compile(rf"\bl\.\s+({SPAN}(?:(?:,|\s+and)\s+{SPAN}\b)*)")

@@ -11,7 +11,7 @@ import pytest
 from benchmarks import campaign
 from msgdrop_cli.definition.load import list_definitions, load_definition
 from msgdrop_cli.definition.plan import plan
-from msgdrop_cli.definition.readings import all_readings, readings_of
+from msgdrop_cli.definition.readings import all_readings, held_by, readings_of
 from msgdrop_cli.definition.run_id import spec_to_dict
 from msgdrop_cli.definition.spec import Definition, Variant
 from msgdrop_cli.engine.offers import catalogue
@@ -171,6 +171,13 @@ def test_a_campaign_trains_under_a_reading(tmp_path: Path, monkeypatch: pytest.M
     assert {record.profile for record in list_runs(results)} == {"quick-no-sharing"}
     said = msgdrop("ablate", question, *asked, "--results", results, "--dry-run")
     assert "2 runs: 2 finished" in " ".join(said.out.split())
+
+
+def test_a_run_holds_no_reading_of_its_evaluation() -> None:
+    """What is only asked of evaluations changes no run, so no run is one under it."""
+    asked = plan(load_definition("broken-links"), "quick", catalogue(), seeds=(1,))
+    for run in asked.runs:
+        assert held_by(spec_to_dict(run.spec), "pursuit-n6") == ()
 
 
 def test_readings_are_listed() -> None:

@@ -54,11 +54,15 @@ def readings_of(environments: Sequence[str]) -> Mapping[str, Reading]:
 
 
 def held_by(spec: Mapping[str, Any], environment: str) -> tuple[str, ...]:
-    """The readings that the settings of a run have; spec: its tables by SECTIONS."""
+    """The readings that the settings of a run have; spec: its tables by SECTIONS.
+
+    Readings of evaluations are none of them: no run is another one under these.
+    """
     return tuple(
         name
         for name, reading in readings_of([environment]).items()
-        if all(
+        if not reading.evaluation_epsilon
+        and all(
             spec.get(section, {}).get(key) == value
             for section in SECTIONS
             for key, value in getattr(reading, section).items()

@@ -17,7 +17,7 @@ from msgdrop_cli.definition.load import list_definitions, load_definition
 from msgdrop_cli.definition.readings import all_readings
 from msgdrop_cli.definition.statements import read_register
 from msgdrop_cli.report.figures import draw_all, file_stem
-from msgdrop_cli.report.page.content import Page, Picture
+from msgdrop_cli.report.page.content import Page, Picture, with_few_colours
 from msgdrop_cli.report.table import Table, channels_table, results_table
 from msgdrop_cli.report.write import Folder
 from msgdrop_cli.signals import scratch_folder
@@ -99,8 +99,8 @@ def _pictures(
         if not summary.arms or not mine:
             continue
         with scratch_folder() as scratch:
-            drawn = [path for path in draw_all(summary, Folder(scratch)) if path.suffix == ".png"]
-            pictures = [(path.stem, path.read_bytes()) for path in drawn]
+            drawn = draw_all(summary, Folder(scratch), suffixes=("png",))
+            pictures = [(path.stem, with_few_colours(path.read_bytes())) for path in drawn]
         for section in mine:
             found[section.key] = tuple(
                 Picture(name, _alt(name, section), png)
