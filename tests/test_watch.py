@@ -138,14 +138,16 @@ def test_keys_go_where_they_say(run: Path) -> None:
 
 
 def test_the_end_shows_what_came_of_it() -> None:
-    """Until a key leaves it."""
+    """Until a key leaves it; the score before the last step does not stand beside it."""
     screen = Script(".x_r")
     player = Player(screen, Watching("a run"))
     player.show(lambda hand: FRAME)
     with pytest.raises(Left) as left:
         player.end("steps 10, catches 2")
     assert left.value.key == "r"
+    assert "catches 1" in screen.drawn[0]
     assert "steps 10, catches 2" in screen.drawn[-1]
+    assert "catches 1" not in screen.drawn[-1]
 
 
 def test_lost_messages_are_counted_once() -> None:

@@ -86,7 +86,8 @@ def _beside(frame: Any, state: Watching, signs: Signs) -> list[list[Cell]]:
     at = "ended" if state.outcome else "paused" if state.is_paused else None
     speed = at or f"{state.frames_per_s} a second"
     lines: list[list[Cell]] = [[(f"step {state.step}, {speed}", "")]]
-    lines += [[(f"{name.replace('_', ' ')} {value:,.6g}", "")] for name, value in frame.score]
+    if not state.outcome:  # which has the last step's, too: the frame was before it
+        lines += [[(f"{name.replace('_', ' ')} {value:,.6g}", "")] for name, value in frame.score]
     if not frame.links:
         return [*lines, [("nobody hears anybody", "dim")], *_legend(frame, state.agents)]
     said, lost = state.said + frame.said, state.lost + frame.lost
