@@ -45,8 +45,6 @@ def reading(word: Word, *readings: str) -> Reading:
         evidence=None,
         prospect=None,
         margin=1.0,
-        claims_judged=1,
-        claims_in_family=2,
         runs=("01234567",),
     )
 

@@ -45,6 +45,27 @@ def test_the_shipped_questions_decide_nothing_at_six_seeds(tmp_path: Path) -> No
     )
 
 
+@pytest.mark.parametrize(
+    ("better", "worse", "then"), [(HIGH, LOW, "supported"), (LOW, HIGH, "contradicted")]
+)
+def test_a_family_is_judged_once_it_is_whole(
+    tmp_path: Path, better: list[int], worse: list[int], then: str
+) -> None:
+    """Claims that are run first would otherwise be looked at twice; another game waits for none."""
+    other = replace(CLAIM, worse="fdc")
+    elsewhere = replace(other, environment="pursuit-n8")
+    claims = [CLAIM, other, elsewhere]
+    records = arms(tmp_path, better, worse)
+    part, missing, _ = judge_claims(claims, summarise(records), asking(*claims))
+    assert (part.verdict, missing.verdict) == ("undecided", "not run")
+    assert part.reason.startswith(
+        "1 of the 2 claims of its family, which are judged together, are not run yet; look 1"
+    )
+    whole = [*records, *write_arm(tmp_path, "fdc", worse)]
+    found = judge_claims(claims, summarise(whole), asking(*claims))
+    assert [each.verdict for each in found] == [then, then, "not run"]
+
+
 def test_one_side_cannot_be_contradicted(tmp_path: Path) -> None:
     """Registered so, six seeds that agree have a p of 1 / 64."""
     rule = replace(AT_SIX, sides=1)

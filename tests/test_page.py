@@ -101,12 +101,6 @@ def test_all_six_words_are_counted() -> None:
     assert sum(replace(whole, sections=(section,)).counts.values()) == 0
 
 
-def test_a_word_from_a_part_of_its_family_says_so() -> None:
-    """Each that is decided: with the others there the bar would be higher."""
-    texts = Elements(html(page())).texts
-    assert texts.count("with 1 of 2 of its family") == 4
-
-
 def test_the_document_is_json() -> None:
     """With the test's numbers by their names."""
     document = json.loads(json.dumps(page().document(), allow_nan=False))

@@ -42,8 +42,6 @@ def reading(
         evidence=LOOK if look else None,
         prospect=None,
         margin=None,
-        claims_judged=1,
-        claims_in_family=1,
         runs=(),
     )
 

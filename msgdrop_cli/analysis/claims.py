@@ -12,7 +12,7 @@ from dataclasses import replace
 from msgdrop_cli.analysis.families import judge_family
 from msgdrop_cli.analysis.pairs import Missing, Pair, find_pair
 from msgdrop_cli.analysis.summary import Group, Summary
-from msgdrop_cli.analysis.verdict import Verdict
+from msgdrop_cli.analysis.verdict import DECIDED, Verdict
 from msgdrop_cli.definition.registration import registered_as
 from msgdrop_cli.definition.spec import Claim, Definition
 
@@ -40,10 +40,12 @@ def judge_claims(
             else:
                 families.setdefault((group, claim.family), {})[number] = pair
     name = registered_as(definition)
-    for (group, _), pairs in families.items():
+    for (group, family), pairs in families.items():
         judged = judge_family([*pairs.values()], definition.registration)
+        asked = sum((c.environment, c.family) == (group.environment, family) for c in claims)
         for (number, pair), verdict in zip(pairs.items(), judged, strict=True):
-            verdicts[number, group] = _with_registrations(verdict, pair, name)
+            told = _with_registrations(verdict, pair, name)
+            verdicts[number, group] = _withheld(told, asked - len(pairs), asked)
     return [verdicts[key] for key in sorted(verdicts, key=lambda key: (key[0], key[1] or ()))]
 
 
@@ -54,6 +56,15 @@ def _groups_of(claim: Claim, summary: Summary) -> list[Group]:
         if group.environment == claim.environment
         and any(arm.variant in (claim.better, claim.worse) for arm in summary.arms_of(group))
     ]
+
+
+def _withheld(verdict: Verdict, missing: int, asked: int) -> Verdict:
+    """The verdict once its family is whole; before, what was seen of a part would count twice."""
+    if not missing or verdict.verdict not in DECIDED:
+        return verdict
+    count = f"{missing} of the {asked} claims of its family, which are judged together,"
+    reason = f"{count} are not run yet; {verdict.reason}"
+    return replace(verdict, verdict="undecided", reason=reason)
 
 
 def _with_registrations(verdict: Verdict, pair: Pair, name: str | None) -> Verdict:

@@ -13,7 +13,7 @@ from typing import get_args
 from msgdrop_cli.analysis.claims import judge_claims
 from msgdrop_cli.analysis.prospects import Prospect
 from msgdrop_cli.analysis.summary import Group, Summary
-from msgdrop_cli.analysis.verdict import Evidence, Verdict, Word
+from msgdrop_cli.analysis.verdict import DECIDED, Evidence, Verdict, Word
 from msgdrop_cli.definition.channel import NONE_BROKEN
 from msgdrop_cli.definition.figures import Figure
 from msgdrop_cli.definition.readings import held_by
@@ -21,7 +21,6 @@ from msgdrop_cli.definition.registration import registered_as
 from msgdrop_cli.definition.spec import Claim, Definition, Registration
 
 WORDS: tuple[Word, ...] = get_args(Word)
-DECIDED: tuple[Word, ...] = ("supported", "contradicted", "level")
 _OF_THE_PAPER = re.compile(r"l\. \d")
 
 
@@ -46,9 +45,6 @@ class Reading:
     prospect: Prospect | None
     margin: float | None
     """What is called level: a difference surely within it; None if nothing is."""
-    claims_judged: int
-    """Of the family of the claim that have runs here, this one included."""
-    claims_in_family: int
     runs: tuple[str, ...]
     """Run ids, those of `better` first."""
 
@@ -198,18 +194,13 @@ def _lines(answer: Answer) -> list[Line]:
     numbers = {id(claim): number for number, claim in enumerate(definition.claims)}
     for verdict in verdicts:
         by_claim.setdefault(numbers[id(verdict.claim)], []).append(verdict)
-    judged = Counter((verdict.group, verdict.claim.family) for verdict in verdicts if verdict.seeds)
-    families = Counter(claim.family for claim in definition.claims)
     lines = []
     for number, claim in enumerate(definition.claims):
-        readings = []
-        for verdict in by_claim.get(number, []):
-            if verdict.group is not None and (verdict.seeds or verdict.verdict != "not run"):
-                reading = _reading(verdict, verdict.group, answer)
-                there = judged[verdict.group, claim.family]
-                readings.append(
-                    replace(reading, claims_judged=there, claims_in_family=families[claim.family])
-                )
+        readings = [
+            _reading(verdict, verdict.group, answer)
+            for verdict in by_claim.get(number, [])
+            if verdict.group is not None and (verdict.seeds or verdict.verdict != "not run")
+        ]
         lines.append(_line(claim, definition, readings))
     return lines
 
@@ -240,8 +231,6 @@ def _reading(verdict: Verdict, group: Group, answer: Answer) -> Reading:
         evidence=verdict.evidence,
         prospect=verdict.prospect,
         margin=rule.margin.get(claim.metric) if rule else None,
-        claims_judged=0,
-        claims_in_family=0,
         runs=tuple(run.run_id for arm in arms for run in arm.done),
     )
 

@@ -11,6 +11,8 @@ from msgdrop_cli.definition.spec import Claim
 
 Word = Literal["supported", "contradicted", "level", "undecided", "under-specified", "not run"]
 """`under-specified`: registered readings of the paper disagree; `reproduction` says so."""
+DECIDED: tuple[Word, ...] = ("supported", "contradicted", "level")
+"""Those that a look has given."""
 
 
 class Evidence(NamedTuple):

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from itertools import groupby
 
-from msgdrop_cli.analysis.reproduction import DECIDED, Line, Reading, Section
+from msgdrop_cli.analysis.reproduction import Line, Reading, Section
 from msgdrop_cli.analysis.verdict import Word
 from msgdrop_cli.report.page.content import (
     asked_under,
@@ -120,9 +120,6 @@ def _under(line: Line) -> Html:
     notes = []
     if line.told_by is not None and (names := line.readings[line.told_by].readings):
         notes.append(f"under reading {', '.join(names)}")
-    shown = line.shown
-    if line.word in DECIDED and shown and shown.claims_judged < shown.claims_in_family:
-        notes.append(f"with {shown.claims_judged} of {shown.claims_in_family} of its family")
     for number_, each in enumerate(line.readings):
         if number_ != line.told_by:
             notes.append(f"{asked_under(each.readings)} ({each.profile}): {each.word}")
@@ -136,12 +133,6 @@ def _details(line: Line, section: Section) -> Html:
         parts.append(el("p", f"No finished, evaluated runs of both {arms} are here."))
     for each in line.readings:
         parts.append(el("p", f"{_told(each)}. {each.reason}."))
-        if 0 < each.claims_judged < each.claims_in_family:
-            family = f"{each.claims_judged} of the {each.claims_in_family} claims of its family"
-            parts.append(
-                el("p", f"Judged among {family} that have runs; with the others there"
-                   " the bar is higher, and the word may change.", class_="warn")
-            )  # fmt: skip
         runs = ", ".join(each.runs)
         parts.append(el("p", "Runs: ", el("code", runs), class_="runs"))
     if section.registered:
