@@ -152,3 +152,9 @@ def test_a_folder_of_others_only_says_what_is_there(tmp_path: Path) -> None:
     said = msgdrop("status", tmp_path)
     assert (said.code, said.out) == (2, "")
     assert "holds no runs of msgdrop (passed over: qmix/1/run.json (not of msgdrop))" in said.err
+
+
+def test_a_missing_folder_says_where_runs_come_from(tmp_path: Path) -> None:
+    """Who has installed a wheel has neither own runs nor the published ones."""
+    with pytest.raises(RecordError, match="no such folder; msgdrop ablate makes runs there"):
+        run_folders(tmp_path / "results")

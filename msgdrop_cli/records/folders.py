@@ -18,6 +18,11 @@ from msgdrop_cli.records.parsing import RECORD
 
 RUN = "run.json"
 _RUN_NAME = re.compile(rf"{NAME.pattern}-s\d{{1,20}}-[0-9a-f]{{8}}")
+_NO_FOLDER = (
+    "there is no such folder; msgdrop ablate makes runs there, and published ones lie in"
+    " results/published of the repository"
+)
+"""Who has installed a wheel has neither."""
 _DEEPEST = 32
 """Folders in each other below a results folder; ours are 3."""
 _NAMED = 3
@@ -64,7 +69,9 @@ def run_folders(root: Path) -> Found:
         except (OSError, ValueError) as error:
             reason = error.strerror if isinstance(error, OSError) else str(error)
             if folder == root:
-                raise RecordError(one_line(f"{root}: cannot be read: {reason}")) from error
+                missing = isinstance(error, FileNotFoundError)
+                problem = _NO_FOLDER if missing else f"cannot be read: {reason}"
+                raise RecordError(one_line(f"{root}: {problem}")) from error
             if not isinstance(error, FileNotFoundError):  # it may go while we look
                 passed_over.append(f"{place} ({reason})")
             continue
