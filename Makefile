@@ -30,7 +30,7 @@ demo: $(VENV)/demo.stamp
 	$(INSIDE) $(BIN)/msgdrop ablate ablations/demo.toml
 
 test: $(VENV)/test.stamp
-	$(INSIDE) $(BIN)/python -m pytest
+	$(INSIDE) $(BIN)/python -m pytest -n 2 --dist loadfile
 
 lint: $(VENV)/lint.stamp
 	$(BIN)/ruff format --check
