@@ -2,17 +2,18 @@
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from msgdrop_cli.analysis.comparison import Comparison, Difference, Differing, compare
-from msgdrop_cli.analysis.summary import Group, once_each
 from msgdrop_cli.commands.parts import console, options
 from msgdrop_cli.commands.parts.listing import runs_in
 from msgdrop_cli.errors import DefinitionError, nearest
 from msgdrop_cli.records.store import RunRecord, list_runs
-from msgdrop_cli.report.table import Table
+
+if TYPE_CHECKING:
+    from msgdrop_cli.analysis.comparison import Comparison, Difference, Differing
+    from msgdrop_cli.analysis.summary import Group
 
 app = typer.Typer()
 _Side = Annotated[str, typer.Argument(help="A variant, a run id, or a folder of runs.")]
@@ -31,6 +32,8 @@ def diff(
 
     Every difference is the second one minus the first, paired by seed.
     """
+    from msgdrop_cli.analysis.comparison import compare
+
     first, second = _side(one, results), _side(other, results)
     pairs = [(group, first[group], second[group]) for group in first if group in second]
     if not pairs and len(first) == len(second) == 1:  # of other lengths or games: settings differ
@@ -47,8 +50,10 @@ def diff(
     return 0
 
 
-def _side(text: str, root: Path) -> dict[Group, list[RunRecord]]:
+def _side(text: str, root: Path) -> dict["Group", list[RunRecord]]:
     """The runs that are meant, by what must be alike in them."""
+    from msgdrop_cli.analysis.summary import Group, once_each
+
     if Path(text).is_dir():
         found = once_each(list_runs(Path(text)))
     else:
@@ -66,7 +71,9 @@ def _side(text: str, root: Path) -> dict[Group, list[RunRecord]]:
     return groups
 
 
-def _show(title: str, found: Comparison) -> None:
+def _show(title: str, found: "Comparison") -> None:
+    from msgdrop_cli.report.table import Table
+
     for name, rows in (("setting", found.settings), ("made with", found.made_with)):
         if rows:
             headers = (name, "first", "second")
@@ -95,19 +102,19 @@ def _show(title: str, found: Comparison) -> None:
     console.result(_of_curves(found))
 
 
-def _of_curves(found: Comparison) -> str:
+def _of_curves(found: "Comparison") -> str:
     if (most := found.largest) is None:
         return "curves: no seed in common"
     metric = found.metric.replace("_", " ")
     return f"curves: differ most at {most[0]:,} env steps, by {most[1]:+.4g} {metric}"
 
 
-def _in_words(each: Difference) -> str:
+def _in_words(each: "Difference") -> str:
     between = f" [{each.interval.low:.3g}, {each.interval.high:.3g}]" if each.interval else ""
     return f"{each.mean:+.3g}{between}"
 
 
-def _json(group: Group, found: Comparison) -> dict[str, Any]:
+def _json(group: "Group", found: "Comparison") -> dict[str, Any]:
     return {
         **group._asdict(),
         "settings": _facts(found.settings),
@@ -128,5 +135,5 @@ def _json(group: Group, found: Comparison) -> dict[str, Any]:
     }
 
 
-def _facts(rows: Sequence[Differing]) -> dict[str, list[str]]:
+def _facts(rows: Sequence["Differing"]) -> dict[str, list[str]]:
     return {row.name: [row.one, row.other] for row in rows}

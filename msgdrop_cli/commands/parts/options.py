@@ -7,7 +7,6 @@ from typing import Annotated
 
 import typer
 
-from msgdrop_cli.cluster import check_cluster, check_tls
 from msgdrop_cli.commands.parts import completion
 from msgdrop_cli.definition.channel import WORDS, Channel, only_links
 from msgdrop_cli.definition.load import list_askable
@@ -188,6 +187,8 @@ def train_options(
     cluster_tls: str | None = None,
 ) -> TrainOptions:
     """The options as given, checked; DefinitionError where a value cannot be meant."""
+    from msgdrop_cli.cluster import check_cluster, check_tls  # the TAB key needs none of it
+
     check_workers(workers)
     check_device_name(device)
     auto = seeds == _AUTO and seed is None
