@@ -7,7 +7,7 @@ the version without waiting for torch.
 from importlib import import_module
 from typing import Any
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"
 _PUBLIC = {
     "Policy": "msgdrop_cli.engine.policy",
     "load_policy": "msgdrop_cli.engine.policy",

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from msgdrop_cli import scheduler
+from msgdrop_cli import __version__, scheduler
 from msgdrop_cli.__main__ import greeting
 from msgdrop_cli.commands.parts import words
 from msgdrop_cli.definition.channel import Channel
@@ -261,7 +261,7 @@ def test_greeting_comes_before_the_program(store: Store) -> None:
 
 def test_greeting_says_what_was_asked() -> None:
     """Slow commands are greeted in one printable line; help, version and lists are not."""
-    assert greeting(["plot", "a\nb"]) == "msgdrop 0.1.0: plot a b"
+    assert greeting(["plot", "a\nb"]) == f"msgdrop {__version__}: plot a b"
     assert greeting(["plot", "--help"]) is greeting(["train", "-h"]) is None
     assert greeting(["ablate", "--list"]) is None
     assert greeting(["--version"]) is None
@@ -271,7 +271,7 @@ def test_greeting_says_what_was_asked() -> None:
 
 def test_version_and_help_are_results() -> None:
     """Version and help go to stdout and exit with 0; so does the list of questions."""
-    assert msgdrop("--version") == (0, "msgdrop 0.1.0\n", "")
+    assert msgdrop("--version") == (0, f"msgdrop {__version__}\n", "")
     assert msgdrop("--help").out.startswith("Usage: msgdrop")
     assert "blockwise-vs-elementwise" in msgdrop("ablate").out
 
