@@ -20,11 +20,11 @@ from typing import TYPE_CHECKING, Any
 from msgdrop_cli import __version__
 from msgdrop_cli.definition.strict import one_line
 from msgdrop_cli.errors import DefinitionError, RecordError, RunError
-from msgdrop_cli.records.files import run_lock
+from msgdrop_cli.records.files import TEMPORARY, run_lock
 from msgdrop_cli.records.outcome import Outcome
 from msgdrop_cli.records.store import set_status
 from msgdrop_cli.scheduler import TRIES, Arrived, Elsewhere, Task, lost, work
-from msgdrop_cli.signals import held_back
+from msgdrop_cli.signals import held_back, scratch_folder
 from msgdrop_cli.stopping import Control
 
 if TYPE_CHECKING:
@@ -162,7 +162,12 @@ def check_workers(client: "Client", root: Path) -> str:
 @contextmanager
 def shared_control(root: Path) -> Iterator[Control]:
     """A control in the results folder, which goes with this context."""
-    path = root / f".control-{platform.node()}-{os.getpid()}-{secrets.token_hex(4)}"
+    with scratch_folder(root, TEMPORARY) as folder:
+        yield from _beating(folder / "control")
+
+
+def _beating(path: Path) -> Iterator[Control]:
+    """A control that is told again and again that its owner lives."""
     descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_EXCL, 0o600)
     over = threading.Event()
     control = SharedControl(path, descriptor)
@@ -180,7 +185,6 @@ def shared_control(root: Path) -> Iterator[Control]:
         yield control
     finally:
         over.set()
-        path.unlink(missing_ok=True)
         if thread.ident:
             thread.join()
         os.close(descriptor)

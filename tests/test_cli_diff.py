@@ -79,3 +79,11 @@ def test_other_games_cannot_be_compared(root: Path) -> None:
     assert (apart.code, "never trained in one game" in apart.err) == (2, True)
     wrong = msgdrop("diff", "dcc", "md-0.3", "--results", root)
     assert (wrong.code, "md-0.2" in wrong.err) == (2, True)
+
+
+def test_a_variant_with_two_setups_is_asked_about(root: Path) -> None:
+    """Which of them is meant nobody can guess."""
+    write_run(root, "dcc", 9, overrides=["algorithm.gamma=0.9"], algorithm={"gamma": 0.9})
+    said = msgdrop("diff", "dcc", "md-0.2", "--results", root)
+    assert said.code == 2
+    assert "dcc: which one, nothing overridden or algorithm.gamma=0.9? name a run id" in said.err

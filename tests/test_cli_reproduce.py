@@ -134,3 +134,23 @@ def test_a_folder_that_is_not_there_is_refused(tmp_path: Path) -> None:
     assert said.code == 2
     assert "nowhere" in said.err
     assert not (tmp_path / "nowhere").exists()
+
+
+def test_damage_is_told_and_costs_only_its_run(tmp_path: Path) -> None:
+    """A line on stderr and the code of damaged records; the page is of the others."""
+    study = tmp_path / "results" / "published" / "navigation-half-million"
+    shutil.copytree(ROOT / "results" / "published" / study.name, study)
+    damaged = min(study.rglob("run.json"))
+    damaged.write_text("{")
+    said = msgdrop("reproduce", tmp_path / "results")
+    assert said.code == 2
+    assert f"{damaged}: is damaged" in said.err
+    assert (tmp_path / "results" / "reproduce.html").exists()
+
+
+def test_a_folder_without_runs_is_no_place_for_a_page(tmp_path: Path) -> None:
+    """As for every other command; nothing is written."""
+    said = msgdrop("reproduce", tmp_path)
+    assert said.code == 2
+    assert "no finished run is there" in said.err
+    assert list(tmp_path.iterdir()) == []

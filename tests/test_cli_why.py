@@ -11,6 +11,7 @@ import pytest
 from msgdrop_cli.commands.parts import why
 from msgdrop_cli.definition.readings import all_readings, apart, under
 from msgdrop_cli.engine.offers import catalogue
+from msgdrop_cli.records.files import run_lock
 from msgdrop_cli.records.store import RunRecord, list_runs
 from tests.cli_runs import ROOT, msgdrop
 
@@ -42,14 +43,29 @@ def test_a_finished_run_needs_no_reason() -> None:
 
 @pytest.mark.parametrize(
     ("status", "says"),
-    [("planned", "not begun"), ("interrupted", "checkpoint"), ("failed", "no disk; tried again")],
+    [
+        ("planned", "not begun"),
+        ("interrupted", "checkpoint"),
+        ("failed", "no disk; tried again"),
+        ("running", "nobody works at it"),
+    ],
 )
 def test_an_unfinished_run_says_what_finishes_it(status: str, says: str) -> None:
     """The command asks for this question, profile and seed only."""
     found = only(published(status=status, reason="no disk"))
-    assert found.word == status
+    assert found.word == {"running": "killed"}.get(status, status)
     assert says in found.reason
-    assert found.command == "msgdrop ablate broken-links --profile two-million --seeds 1,"
+    assert found.command == "msgdrop ablate broken-links --profile two-million --seed 1"
+
+
+def test_a_run_at_work_needs_no_reason(tmp_path: Path) -> None:
+    """Whoever holds its lock will end it."""
+    record = RunRecord(tmp_path / "run", published(status="running").run)
+    with run_lock(record.path):
+        assert why.reasons([record], catalogue()) == []
+    found = only(record)
+    assert found.word == "killed"
+    assert found.command.endswith(f"--seed 1 --results {tmp_path / 'run'}")
 
 
 def test_a_diverged_run_is_not_tried_again() -> None:
@@ -102,7 +118,7 @@ def test_missing_evaluations_are_named(tmp_path: Path) -> None:
 def test_questions_of_ones_own_are_named_as_files() -> None:
     """Which file it was is not recorded; its name is."""
     found = only(published(status="planned", definition="mine"))
-    assert found.command.startswith("msgdrop ablate mine.toml ")
+    assert found.command.startswith("msgdrop ablate PATH/mine.toml ")
 
 
 def test_readings_are_asked_for_again() -> None:
@@ -115,7 +131,7 @@ def test_readings_are_asked_for_again() -> None:
     overrides = [f"{section}.{key}=1", "algorithm.gamma=0.5"]
     found = only(published(status="planned", profile="quick-capture-once", overrides=overrides))
     assert (
-        "--profile quick --reading capture-once --set algorithm.gamma=0.5 --seeds" in found.command
+        "--profile quick --reading capture-once --set algorithm.gamma=0.5 --seed 1" in found.command
     )
 
 

@@ -97,3 +97,11 @@ def test_only_what_there_is_can_be_emitted() -> None:
     said = msgdrop(*ASKED, "--emit", "slurm", "--results", "a\nrm -rf b")
     assert (said.code, said.out) == (2, "")
     assert re.search("line breaks", said.err)
+
+
+@pytest.mark.parametrize("option", ["--json", "--dry-run"])
+def test_a_script_is_neither_json_nor_a_plan(option: str) -> None:
+    """One line instead of a script that somebody would parse."""
+    said = msgdrop(*ASKED, "--emit", "slurm", option)
+    assert (said.code, said.out) == (2, "")
+    assert "--emit prints a script and trains nothing" in said.err

@@ -8,7 +8,7 @@ from msgdrop_cli.analysis.reproduction import reproduce
 from msgdrop_cli.commands.parts import paper_page
 from msgdrop_cli.commands.parts.answers import find_answers
 from msgdrop_cli.commands.parts.train_missing import breadth_first, seconds
-from msgdrop_cli.commands.parts.ways import Wanted, wanted_runs
+from msgdrop_cli.commands.parts.ways import Wanted, wanted_runs, with_ways
 from msgdrop_cli.definition.channel import NONE_BROKEN, Channel
 from msgdrop_cli.definition.figures import all_figures
 from msgdrop_cli.definition.load import load_definition
@@ -17,7 +17,7 @@ from msgdrop_cli.engine.offers import catalogue
 from msgdrop_cli.errors import DefinitionError
 from msgdrop_cli.records.store import list_runs
 from tests.answering_runs import write_answers
-from tests.cli_runs import msgdrop
+from tests.cli_runs import ROOT, msgdrop
 
 OFFERS = catalogue()
 HALF = Channel.read(0.5)
@@ -65,6 +65,27 @@ def test_what_is_wanted_is_what_the_next_look_lacks(tmp_path: Path) -> None:
     others = {each.run.spec.seed for each in found} - {run.spec.seed for run in own}
     assert others == {1, 2}  # of pursuit-n8, of which nothing is there
     assert all(len(each.channels) == 3 for each in found)
+
+
+def test_a_claim_whose_look_has_come_waits_for_its_family() -> None:
+    """More seeds of its own arms would decide nothing: rates 0.1, 0.3, 0.4 with ten seeds do."""
+    published = ROOT / "results" / "published" / "broken-links-two-million"
+    answers = find_answers(published, [load_definition("dropout-rate")], OFFERS)
+    sections = with_ways(reproduce(answers.answers, all_figures()), answers, OFFERS)
+    lines = [line for section in sections for line in section.lines]
+    [line] = [
+        each
+        for each in lines
+        if (each.better, each.worse, each.environment) == ("md-0.2", "fdc", "pursuit-n6")
+        and each.measure == "evaluation"
+    ]
+    assert line.word == "undecided"
+    assert line.decides is not None
+    assert (line.decides.family, line.decides.seeds, line.decides.runs) == (True, 10, 30)
+    runs = breadth_first(wanted_runs(sections, answers, OFFERS))
+    own = [each.run for each in runs if each.run.spec.environment == "pursuit-n6"]
+    assert {run.variant for run in own} == {"md-0.1", "md-0.3", "md-0.4"}
+    assert {run.spec.seed for run in own} == set(range(1, 11))
 
 
 @pytest.mark.slow

@@ -61,6 +61,8 @@ class Decides:
     """That are missing, of both arms."""
     seconds: float
     """To train them here, one after the other on one core."""
+    family: bool = False
+    """Whether its look has come, and it waits for claims of its family: runs of all of them."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -64,6 +64,9 @@ def _side(text: str, root: Path) -> dict["Group", list[RunRecord]]:
             raise DefinitionError(
                 f"{root}: no run or variant is {text[:40]!r}; {nearest(text, known)}"
             )
+    if len(setups := {run.overrides for run in found if run.variant == text}) > 1:
+        words = " or ".join(", ".join(each) or "nothing overridden" for each in sorted(setups))
+        raise DefinitionError(f"{text}: which one, {words}? name a run id or a folder")
     groups: dict[Group, list[RunRecord]] = {}
     for run in found:
         steps = run.setup.train_env_steps if run.setup else 0

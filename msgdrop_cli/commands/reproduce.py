@@ -48,6 +48,12 @@ def reproduce(
     from msgdrop_cli.report.write import pages_folder, write_atomic
 
     page = paper_page(results)
+    for each in page.dropped:
+        if each.what == "unreadable":
+            console.note(each.reason)
+            code = max(code, 2)
+    if not page.makers and not train:
+        raise DefinitionError(f"{results}: no finished run is there, so there is no page to write")
     document = page.document()
     text = json_text.dumps(document, indent=1, allow_nan=False) + "\n"
     folder = pages_folder(results)

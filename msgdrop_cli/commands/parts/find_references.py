@@ -29,7 +29,7 @@ def references_of(
     in `kept_in`, if that can be written to: nothing is kept in a run, or in what is published. A
     damaged file is noted and made again. A game that this program cannot play has none.
     """
-    home = kept_in or _home(root)
+    home = kept_in or home_of(root)
     found: dict[str, References] = {}
     for record in records:
         if record.status != "done" or record.setup is None:
@@ -44,7 +44,7 @@ def references_of(
     return found
 
 
-def _home(root: Path) -> Path:
+def home_of(root: Path) -> Path:
     """The results folder that `root` is or lies in; `root` if it is in none."""
     if (above := pages_folder(root).root) != root:  # it is published
         return above

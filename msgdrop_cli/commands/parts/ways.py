@@ -83,9 +83,11 @@ class _Guide:
         self.plans: dict[Scale, Plan] = {}
         self.seconds: dict[tuple[Scale, str, str], float] = {}
         self.usual: Scale | None = None
+        self.lines: Sequence[Line] = ()
 
     def prefer(self, lines: Sequence[Line]) -> None:
-        """Take the scale at which most of these lines were judged for those that were not."""
+        """Know the question's lines, and take the scale at which most of them were judged."""
+        self.lines = lines
         told = Counter(line.shown.profile for line in lines if line.shown)
         if told:
             self.usual = self.answers.scales[told.most_common(1)[0][0]]
@@ -104,17 +106,16 @@ class _Guide:
     def wanted(self, line: Line) -> list[Wanted]:
         """The runs of both arms that are missing at the next look that can decide it."""
         rule, shown = self.definition.registration, line.shown
-        there = shown.seeds if shown else 0
-        looks = [look for look in _deciding_looks(rule) if look > there] if rule else []
-        if not looks:
+        arms, look = self._asked_for(line, rule) if rule else ((), None)
+        if look is None:
             return []
         scale = self.answers.scales[shown.profile] if shown else self._first_scale(line)
         asked = self._plan(scale)
         found = []
-        for variant in (line.better, line.worse):
+        for variant in arms:
             done = self.done.get((line.environment, variant, scale.name), set())
             run = self._planned(scale, line.environment, variant)
-            for seed in sorted(set(range(1, looks[0] + 1)) - done):
+            for seed in sorted(set(range(1, look + 1)) - done):
                 spec = replace(run.spec, seed=seed)
                 found.append(
                     Wanted(
@@ -124,6 +125,21 @@ class _Guide:
                     )
                 )
         return found
+
+    def _asked_for(self, line: Line, rule: Registration) -> tuple[Sequence[str], int | None]:
+        """The arms that the claim waits for, and with how many seeds; None if no look is left.
+
+        Of a claim whose look has come and whose family is not whole these are the others' arms.
+        """
+        shown = line.shown
+        family = (line.environment, line.measure)
+        mates = [each for each in self.lines if (each.environment, each.measure) == family]
+        if shown and shown.evidence and any(each.word == "not run" for each in mates):
+            arms = [arm for each in mates for arm in (each.better, each.worse)]
+            return list(dict.fromkeys(arms)), shown.evidence.seeds
+        there = shown.seeds if shown else 0
+        looks = [look for look in _deciding_looks(rule) if look > there]
+        return (line.better, line.worse), looks[0] if looks else None
 
     def _first_look(self) -> int:
         """The first look that can decide anything."""
@@ -175,14 +191,14 @@ class _Guide:
         rule, shown = self.definition.registration, line.shown
         if rule is None:
             return None
-        prospect = shown.prospect if shown else None
-        there = shown.seeds if shown else 0
-        looks = [look for look in _deciding_looks(rule) if look > there]
-        if prospect is None and not looks:
+        arms, look = self._asked_for(line, rule)
+        waits = len(arms) > 2  # for its family
+        prospect = shown.prospect if shown and not waits else None
+        if prospect is None and look is None:
             return None
-        seeds = prospect.seeds if prospect else looks[0]
+        seeds = prospect.seeds if prospect else look or 0
         missing, seconds = 0, 0.0
-        for variant in (line.better, line.worse):
+        for variant in arms:
             done = self.done.get((line.environment, variant, scale.name), set())
             lacks = seeds - sum(seed <= seeds for seed in done)
             missing += lacks
@@ -193,6 +209,7 @@ class _Guide:
             registered=seeds in rule.looks,
             runs=missing,
             seconds=seconds,
+            family=waits,
         )
 
     def _a_run(self, scale: Scale, environment: str, variant: str) -> float:

@@ -2,9 +2,12 @@
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from os.path import relpath
+from pathlib import Path
 from shlex import quote
 from typing import Any
 
+from msgdrop_cli.commands.parts.find_references import home_of
 from msgdrop_cli.definition.catalogue import Catalogue
 from msgdrop_cli.definition.load import list_definitions, load_definition
 from msgdrop_cli.definition.overrides import SECTIONS
@@ -13,6 +16,8 @@ from msgdrop_cli.definition.readings import all_readings, apart
 from msgdrop_cli.definition.registration import registered_as
 from msgdrop_cli.definition.run_id import spec_to_dict
 from msgdrop_cli.errors import DefinitionError
+from msgdrop_cli.records.files import LOCK
+from msgdrop_cli.records.holders import is_held, locked_files
 from msgdrop_cli.records.store import RunRecord
 
 _CURRENT = ""
@@ -36,12 +41,12 @@ class Why:
 def reasons(records: Iterable[RunRecord], catalogue: Catalogue) -> list[Why]:
     """Every run that is missing or stale, those of one question and reason together.
 
-    Running ones are not among them. Raises RecordError for damaged episodes.
+    Those at work are not among them. Raises RecordError for damaged episodes.
     """
     found: dict[tuple[Any, ...], list[RunRecord]] = {}
-    asked = _Asked(catalogue)
+    asked, held = _Asked(catalogue), locked_files()
     for record in records:
-        if record.status == "running":
+        if record.status == "running" and is_held(record.path / LOCK, held):
             continue
         word, reason = _why(record, asked)
         if word != _CURRENT:
@@ -57,6 +62,8 @@ def _why(record: RunRecord, asked: "_Asked") -> tuple[str, str]:
     match record.status:
         case "planned":
             return "planned", "not begun"
+        case "running":
+            return "killed", "nobody works at it; it goes on from its checkpoint"
         case "interrupted":
             return "interrupted", "stopped on the way; it goes on from its checkpoint"
         case "failed":
@@ -152,9 +159,11 @@ def _command(runs: Sequence[RunRecord]) -> str:
         for section in SECTIONS
         for key in getattr(known[reading], section)
     }
-    words = ["msgdrop", "ablate", name if shipped else f"{name}.toml", "--profile", profile]
+    words = ["msgdrop", "ablate", name if shipped else f"PATH/{name}.toml", "--profile", profile]
     words += [word for reading in readings for word in ("--reading", reading)]
     words += [w for o in overrides if o.partition("=")[0] not in read for w in ("--set", o)]
     seeds = ",".join(str(seed) for seed in sorted({run.seed for run in runs}))
-    words += ["--seeds", seeds if "," in seeds else f"{seeds},"]
+    words += ["--seeds", seeds] if "," in seeds else ["--seed", seeds]
+    if (home := home_of(runs[0].path).resolve()) != Path("results").resolve():
+        words += ["--results", relpath(home) if home.is_relative_to(Path.cwd()) else str(home)]
     return " ".join(quote(word) for word in words)

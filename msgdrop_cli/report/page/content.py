@@ -182,5 +182,7 @@ def decides(way: Decides | None) -> str:
         return f"{way.seeds} seeds, all trained: an evaluation"
     beyond = "" if way.registered else ", beyond the registered looks"
     sure = f"about {way.seeds} seeds" if way.forecast else f"next look, {way.seeds} seeds"
+    if way.family:
+        sure = f"its whole family at {way.seeds} seeds"
     plural = "" if way.runs == 1 else "s"
     return f"{sure}{beyond}: {way.runs} run{plural} more, {duration(way.seconds)} here"

@@ -10,6 +10,7 @@ from msgdrop_cli.commands.parts.doctor.check import Check, Found, existing, fine
 from msgdrop_cli.commands.parts.words import several, size
 from msgdrop_cli.errors import RecordError
 from msgdrop_cli.records.files import LOCK, TEMPORARY, take_lock, write_bytes_atomic
+from msgdrop_cli.records.holders import is_held, locked_files
 from msgdrop_cli.records.store import RUNS, RunRecord, look_through
 
 _ENOUGH_BYTES = 2 * 2**30
@@ -78,9 +79,9 @@ def _records(results: Path) -> Found:
 
 def _at_work(results: Path) -> Found:
     """Who holds a run's lock, by the kernel's list: no lock is taken to find out."""
-    held = _locked_files()
+    held = locked_files()
     running = [record for record in _runs(results) if record.status == "running"]
-    busy = [record for record in running if _is_held(record.path / LOCK, held)]
+    busy = [record for record in running if is_held(record.path / LOCK, held)]
     if killed := len(running) - len(busy):
         words = f"{several(killed, 'run')} at which nobody works: it was killed"
         return note(words, "the command that began it goes on from its checkpoint")
@@ -141,23 +142,6 @@ def _runs(results: Path) -> list[RunRecord]:
         if "holds no runs" in str(error):
             return []
         raise
-
-
-def _locked_files() -> set[tuple[int, int, int]]:
-    """Device (major, minor) and inode of every file that somebody holds."""
-    held = set()
-    for line in Path("/proc/locks").read_text().splitlines():
-        major, minor, inode = next(word for word in line.split() if word.count(":") == 2).split(":")
-        held.add((int(major, 16), int(minor, 16), int(inode)))
-    return held
-
-
-def _is_held(lock: Path, held: set[tuple[int, int, int]]) -> bool:
-    try:
-        facts = lock.stat()
-    except OSError:
-        return False
-    return (os.major(facts.st_dev), os.minor(facts.st_dev), facts.st_ino) in held
 
 
 CHECKS = (
