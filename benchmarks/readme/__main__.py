@@ -4,14 +4,14 @@ import re
 from collections.abc import Callable
 from pathlib import Path
 
-from benchmarks.readme import judged, navigation, pursuit, waterworld
+from benchmarks.readme import judged, navigation, pursuit, rates, waterworld
 from msgdrop_cli.records.files import write_bytes_atomic
 
 ROOT = Path(__file__).parents[2]
 PAGES = (ROOT / "README.md", ROOT / "results" / "README.md")
 BLOCKS: dict[str, Callable[[], str]] = {
     name: block
-    for said in (pursuit, judged, navigation, waterworld)
+    for said in (pursuit, rates, judged, navigation, waterworld)
     for name, block in said.BLOCKS.items()
 }
 """What writes each block, by the name in its marker."""
