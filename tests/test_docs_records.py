@@ -20,6 +20,7 @@ from tests.markdown import Page, named, page
 from tests.runs import StopAt, planned
 
 PAGE = page("records.md")
+PUBLISHED_FOLDER = ROOT / "results" / "published"
 PUBLISHED = list_runs(ROOT / "results" / "published")
 LATER = {"overrides", "registration", "pretraining", "node"}
 """Keys of `run.json` that the page says older records, or runs without an encoder, do not have."""
@@ -135,13 +136,13 @@ def test_policies_have_the_tensors_of_the_page() -> None:
     """Pairs of a weight and a bias, stacked as it says; nothing is listed that no policy has."""
     found: set[str] = set()
     for record in one_of_each_game():
-        folders = record.path.parent.glob(f"{record.variant}-s*/policy.safetensors")
-        for name, tensor in read_tensors(next(folders)).items():
+        named = f"*/{record.environment}/{record.variant}-s*/policy.safetensors"  # in any study
+        for name, tensor in read_tensors(next(PUBLISHED_FOLDER.glob(named))).items():
             layer, part = name.split(".")
             assert (tensor.dim(), part in ("weight", "bias")) == (3, True)
             assert part == "weight" or tensor.shape[1] == 1
             found.add(layer)
-    files = (ROOT / "results" / "published").glob("*/*/*/policy.safetensors")
+    files = PUBLISHED_FOLDER.glob("*/*/*/policy.safetensors")
     found |= {name.split(".")[0] for file in files for name in read_tensors(file)}
     assert PAGE.section("`policy.safetensors`").keys() == found
 

@@ -99,9 +99,8 @@ def test_only_what_there_is_can_be_emitted() -> None:
     assert re.search("line breaks", said.err)
 
 
-@pytest.mark.parametrize("option", ["--json", "--dry-run"])
-def test_a_script_is_neither_json_nor_a_plan(option: str) -> None:
+def test_a_script_is_no_json() -> None:
     """One line instead of a script that somebody would parse."""
-    said = msgdrop(*ASKED, "--emit", "slurm", option)
+    said = msgdrop(*ASKED, "--emit", "slurm", "--json")
     assert (said.code, said.out) == (2, "")
-    assert "--emit prints a script and trains nothing" in said.err
+    assert "--emit prints a script, which is no JSON" in said.err

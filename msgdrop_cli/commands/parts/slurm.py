@@ -27,10 +27,8 @@ def show_job_array(name: str, definition: Definition, options: TrainOptions) -> 
     """
     from msgdrop_cli.engine.offers import catalogue
 
-    if options.json or options.dry_run:
-        raise DefinitionError(
-            "--emit prints a script and trains nothing: without --json, --dry-run"
-        )
+    if options.json:
+        raise DefinitionError("--emit prints a script, which is no JSON; leave out --json")
     if options.to_next_look:
         raise DefinitionError("--emit: an array is of seeds that are known; give --seeds a number")
     asked, one = (
