@@ -1,12 +1,13 @@
 """Why a run is not what its question asks for today, and which command makes it so."""
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from os.path import relpath
 from pathlib import Path
 from shlex import quote
 from typing import Any
 
+from msgdrop_cli.analysis.labels import leaves
 from msgdrop_cli.commands.parts.find_references import home_of
 from msgdrop_cli.definition.catalogue import Catalogue
 from msgdrop_cli.definition.load import list_definitions, load_definition
@@ -98,19 +99,11 @@ def _compared(record: RunRecord, today: Plan) -> tuple[str, str]:
 
 def _changes(then: dict[str, Any], now: dict[str, Any]) -> str:
     """`algorithm.gamma 0.9 -> 0.95, ...`, those that differ."""
-    old, new = dict(_leaves(then)), dict(_leaves(now))
+    old, new = dict(leaves(then)), dict(leaves(now))
     names = [n for n in dict.fromkeys((*old, *new)) if old.get(n) != new.get(n)]
     words = [f"{n} {old.get(n, 'not set')} -> {new.get(n, 'not set')}" for n in names[:_SHOWN]]
     more = len(names) - _SHOWN
     return ", ".join(words) + (f" and {more} more" if more > 0 else "")
-
-
-def _leaves(table: dict[str, Any]) -> Iterator[tuple[str, Any]]:
-    for section, value in table.items():
-        if isinstance(value, dict):
-            yield from ((f"{section}.{key}", each) for key, each in value.items())
-        else:
-            yield section, value
 
 
 class _Asked:
