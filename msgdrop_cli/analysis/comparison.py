@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from statistics import fmean
 from typing import Any, NamedTuple
 
 from msgdrop_cli.analysis.curves import Curve, learning_curve
@@ -11,7 +10,7 @@ from msgdrop_cli.analysis.evaluations import comparable
 from msgdrop_cli.analysis.intervals import mean_interval
 from msgdrop_cli.analysis.labels import leaves
 from msgdrop_cli.analysis.metrics import metrics_of
-from msgdrop_cli.analysis.statistics import Interval
+from msgdrop_cli.analysis.statistics import Interval, mean
 from msgdrop_cli.definition.channel import Channel
 from msgdrop_cli.records.store import RunRecord
 
@@ -82,7 +81,7 @@ def compare(one: Sequence[RunRecord], other: Sequence[RunRecord]) -> Comparison:
         for metric in common if seeds else ():
             values = [second[seed][metric.name] - first[seed][metric.name] for seed in seeds]
             evaluations.append(
-                Difference(channel, metric.name, fmean(values), mean_interval(values), len(values))
+                Difference(channel, metric.name, mean(values), mean_interval(values), len(values))
             )
     return Comparison(
         settings=_differing(one, other, lambda run: dict(leaves(_setup(run)))),

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from msgdrop_cli.analysis.intervals import mean_band
-from msgdrop_cli.analysis.statistics import Interval, mean
+from msgdrop_cli.analysis.statistics import Interval, mean, total
 from msgdrop_cli.errors import RecordError
 from msgdrop_cli.records.packed import log_file
 from msgdrop_cli.records.parsing import LARGEST_NUMBER
@@ -107,4 +107,4 @@ def _smooth(windows: Sequence[Window]) -> dict[int, float]:
 
 def _weighted_mean(windows: Sequence[Window]) -> float:
     weight = sum(window.length for window in windows)
-    return sum(window.length * window.value for window in windows) / weight
+    return total([window.length * window.value for window in windows]) / weight

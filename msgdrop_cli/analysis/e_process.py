@@ -16,7 +16,7 @@ import math
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
-from msgdrop_cli.analysis.statistics import Interval
+from msgdrop_cli.analysis.statistics import Interval, mean
 
 BETS = (0.5, 1.0, 2.0, 4.0, 8.0)
 """In root mean squares of the differences (ours): from effects that some twenty seeds can show to
@@ -72,7 +72,7 @@ def mean_at_any_stop(values: Sequence[float], alpha: float) -> Interval | None:
     import numpy as np
 
     table = np.asarray(values, dtype=np.float64)
-    centre, size = float(table.mean()), float(np.ptp(table))
+    centre, size = mean(values), float(np.ptp(table))
     farthest = _wealth(np.ones((1, len(table))), 2)[0, -1]  # all values on one side, far away
     if farthest < 1.0 / alpha:
         return None
@@ -110,4 +110,4 @@ def _wealth(table: Any, sides: int) -> Any:
     bets = np.array(BETS if sides == 1 else [*BETS, *(-bet for bet in BETS)])[:, None, None]
     # exp(x) / cosh(x) is 2 / (1 + exp(-2 x)), which does not overflow in logarithms.
     gains = math.log(2.0) - np.logaddexp(0.0, -2.0 * bets * ratio)  # [bets, studies, seeds]
-    return np.exp(gains.cumsum(axis=2)).mean(axis=0)
+    return np.exp(gains.cumsum(axis=2)).cumsum(axis=0)[-1] / len(bets)

@@ -1,7 +1,6 @@
 """The claims of one family judged together, as their question has registered it."""
 
 from collections.abc import Sequence
-from statistics import fmean
 
 from msgdrop_cli.analysis.e_process import Anytime, anytime
 from msgdrop_cli.analysis.intervals import ALPHA, flip_interval, mean_interval
@@ -16,6 +15,7 @@ from msgdrop_cli.analysis.sign_flips import (
     smallest_p,
     step_down,
 )
+from msgdrop_cli.analysis.statistics import mean
 from msgdrop_cli.analysis.verdict import Evidence, Verdict, Word
 from msgdrop_cli.definition.spec import Registration
 
@@ -34,7 +34,7 @@ def judge_family(pairs: Sequence[Pair], rule: Registration | None) -> list[Verdi
         reached = looks_reached(len(pair.first), rule)
         word: Word = "undecided"
         if look is not None:
-            word = "supported" if fmean(pair.first[: rule.looks[look]]) > 0.0 else "contradicted"
+            word = "supported" if mean(pair.first[: rule.looks[look]]) > 0.0 else "contradicted"
         elif (look := _level_at(pair, reached, rule, len(pairs))) is not None:
             word = "level"
         elif reached:
@@ -69,7 +69,7 @@ def _verdict(
         verdict=word,
         reason=reason,
         group=pair.group,
-        difference=fmean(values) if values else None,
+        difference=mean(values) if values else None,
         interval=mean_interval(values) if values else None,
         seeds=len(values),
         lost=pair.lost,

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from msgdrop_cli.analysis.sign_flips import DRAWN_WITH, ENUMERATED, SAMPLE, TOLERANCE
-from msgdrop_cli.analysis.statistics import Interval
+from msgdrop_cli.analysis.statistics import Interval, products
 
 ALPHA = 0.05
 FEWEST = 6
@@ -81,5 +81,5 @@ def _subset_means(table: Any) -> Any:
         return sums[1:] / counts[1:, None]
     drawn = SAMPLE if points == 1 else _MOST_OF_CURVES
     chosen = np.random.default_rng(DRAWN_WITH).integers(0, 2, (drawn - 1, seeds))
-    chosen[chosen.sum(axis=1) == 0] = 1  # hardly ever: the whole set instead of the empty one
-    return (chosen @ table) / chosen.sum(axis=1, keepdims=True)
+    chosen[~chosen.any(axis=1)] = 1  # hardly ever: the whole set instead of the empty one
+    return products(chosen, table) / np.count_nonzero(chosen, axis=1, keepdims=True)

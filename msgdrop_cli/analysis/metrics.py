@@ -9,6 +9,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from msgdrop_cli.analysis.statistics import total
 from msgdrop_cli.definition.strict import Where, build, convert
 from msgdrop_cli.errors import DefinitionError, RecordError
 from msgdrop_cli.records.parsing import LARGEST_NUMBER
@@ -51,7 +52,7 @@ class NamedMetric:
         """
         sums = {"episodes": float(len(episodes))}
         for key in {self.metric.count, self.metric.per} - {"episodes"}:
-            sums[key] = float(sum(row[key] for row in episodes))
+            sums[key] = total([row[key] for row in episodes])
         value = self.metric.ratio(sums)
         if value is None or not abs(value) <= LARGEST_NUMBER:  # nor NaN
             raise ValueError(f"{self.name} is none, or beyond {LARGEST_NUMBER:g}")
@@ -70,8 +71,8 @@ class NamedMetric:
         rest = [
             row[self.metric.count] - ratio * each for row, each in zip(episodes, per, strict=True)
         ]
-        squares = math.fsum(each * each for each in rest) * number / (number - 1)
-        return abs(self.metric.scale) * math.sqrt(squares) / math.fsum(per)
+        squares = total([each * each for each in rest]) * number / (number - 1)
+        return abs(self.metric.scale) * math.sqrt(squares) / total(per)
 
 
 @dataclass(frozen=True, slots=True)

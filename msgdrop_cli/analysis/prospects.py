@@ -5,11 +5,12 @@ A forecast from what was seen: it decides nothing, so it may use the normal dist
 
 import math
 from collections.abc import Sequence
-from statistics import NormalDist, fmean, stdev
+from statistics import NormalDist, stdev
 from typing import NamedTuple
 
 from msgdrop_cli.analysis.pairs import Pair
 from msgdrop_cli.analysis.sign_flips import smallest_p
+from msgdrop_cli.analysis.statistics import mean, total
 from msgdrop_cli.definition.spec import Registration
 
 _FEWEST = 3
@@ -38,7 +39,7 @@ def prospect(pair: Pair, look: int, rule: Registration, family: int) -> Prospect
     spread = stdev(values) if len(values) >= _FEWEST else 0.0
     if not spread:
         return None
-    effect = abs(fmean(values)) / spread
+    effect = abs(mean(values)) / spread
     for number in range(look, len(rule.looks)):
         seeds = rule.looks[number]
         share = rule.share(number)
@@ -69,7 +70,7 @@ def _far(share: float) -> float:
 
 
 def _training_s(pair: Pair, seeds: int) -> float:
-    return sum(
+    return total(
         (seeds - len(arm.done)) * _mean_s([run.run["wall_time_s"] for run in arm.done])
         for arm in (pair.better, pair.worse)
         if len(arm.done) < seeds
@@ -77,4 +78,4 @@ def _training_s(pair: Pair, seeds: int) -> float:
 
 
 def _mean_s(times: Sequence[float]) -> float:
-    return fmean(times) if times else 0.0
+    return mean(times) if times else 0.0

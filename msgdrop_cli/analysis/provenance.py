@@ -5,6 +5,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 from msgdrop_cli.analysis.labels import with_overrides
+from msgdrop_cli.analysis.statistics import total
 from msgdrop_cli.records.store import RunRecord
 
 _UNKNOWN = "?"
@@ -56,7 +57,7 @@ def makers(records: Sequence[RunRecord]) -> tuple[Maker, ...]:
             commits=tuple(sorted({_commit(record) for record in runs})),
             runs=len(runs),
             env_steps=sum(record.env_steps for record in runs),
-            hours=sum(float(record.run["wall_time_s"]) for record in runs) / 3600.0,
+            hours=total(float(record.run["wall_time_s"]) for record in runs) / 3600.0,
         )
         for (host, device, kernel, torch), runs in alike.items()
     ]

@@ -8,6 +8,8 @@ import math
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
+from msgdrop_cli.analysis.statistics import products
+
 ENUMERATED = 20
 """Seeds up to which all 2^n patterns are gone through."""
 SAMPLE = 2**17
@@ -44,8 +46,8 @@ def flipped(
         sums, places = _all_sums(table, sides), np.arange(2 ** (seeds - (sides == 2)))
     else:
         signs = _sampled_signs(seeds, sides)
-        sums, places = table @ signs.T, np.arange(SAMPLE)
-    size = np.sqrt(np.square(table).sum(axis=1, keepdims=True))
+        sums, places = products(table, signs.T), np.arange(SAMPLE)
+    size = np.sqrt(np.square(table).cumsum(axis=1)[:, -1:])
     found = np.divide(sums, size, out=np.zeros_like(sums), where=size > 0.0)
     statistics = np.full((len(enough), sums.shape[1]), -np.inf)
     statistics[enough] = np.abs(found) if sides == 2 else found
@@ -53,13 +55,13 @@ def flipped(
         places %= 2 ** (before - (sides == 2)) if before else 1
     elif before <= ENUMERATED:
         flips = signs[:, (sides == 2) : before] < 0.0
-        places = flips @ (1 << np.arange(flips.shape[1]))
+        places = np.bitwise_or.reduce(flips << np.arange(flips.shape[1]), axis=1)
     return Flipped(statistics, places)
 
 
 def p_value(statistics: Any) -> float:
     """The share of patterns that reach the observed one, the first; statistics: [patterns]."""
-    return float((statistics >= statistics[0] - TOLERANCE).mean())
+    return _share(statistics >= statistics[0] - TOLERANCE)
 
 
 def step_down(statistics: Any) -> list[float]:
@@ -75,7 +77,7 @@ def step_down(statistics: Any) -> list[float]:
         if not math.isfinite(statistics[claim][0]):
             break
         highest = np.maximum.reduce(statistics[ranks[place:]])
-        reached = max(reached, float((highest >= statistics[claim][0] - TOLERANCE).mean()))
+        reached = max(reached, _share(highest >= statistics[claim][0] - TOLERANCE))
         found[claim] = reached
     return found
 
@@ -97,6 +99,13 @@ def smallest_p(seeds: int, sides: int) -> float:
 def sampling_error(p: float, seeds: int) -> float:
     """Monte-Carlo standard error of a p; 0 where all patterns are enumerated."""
     return 0.0 if seeds <= ENUMERATED else math.sqrt(p * (1.0 - p) / SAMPLE)
+
+
+def _share(reached: Any) -> float:
+    """Of the patterns, how many are true."""
+    import numpy as np
+
+    return int(np.count_nonzero(reached)) / len(reached)
 
 
 def _all_sums(table: Any, sides: int) -> Any:

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 from msgdrop_cli.analysis.metrics import NamedMetric
-from msgdrop_cli.analysis.statistics import mean
+from msgdrop_cli.analysis.statistics import mean, total
 from msgdrop_cli.analysis.summary import Arm, Group, Row, Summary
 from msgdrop_cli.definition.sweep import Sweep
 
@@ -84,7 +84,7 @@ def _swept(
 def mean_height(places: Sequence[float], heights: Sequence[float]) -> float:
     """The area under straight lines through the points, divided by the width of the range."""
     steps = zip(pairwise(places), pairwise(heights), strict=True)
-    area = sum((right - left) * (low + high) / 2.0 for (left, right), (low, high) in steps)
+    area = total((right - left) * (low + high) / 2.0 for (left, right), (low, high) in steps)
     return area / (places[-1] - places[0])
 
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from msgdrop_cli.analysis.intervals import mean_interval
 from msgdrop_cli.analysis.pairs import Pair
-from msgdrop_cli.analysis.statistics import Interval, mean
+from msgdrop_cli.analysis.statistics import Interval, mean, total
 from msgdrop_cli.analysis.summary import Arm, Group, Summary
 from msgdrop_cli.report.captions import footer, scale, spread_note
 from msgdrop_cli.report.drawn import Drawn, ends
@@ -50,7 +50,7 @@ def draw_differences(summary: Summary, group: Group, pairs: Sequence[Pair]) -> D
     ]
     heads = len({_head(pair) for pair in pairs})
     left = max(width(line, TICK) for name in names for line in name) + 0.2
-    tall = sum(max(_ROW, len(name) * TICK * LINE + 0.08) for name in names) + heads * _HEAD
+    tall = total(max(_ROW, len(name) * TICK * LINE + 0.08) for name in names) + heads * _HEAD
     size = Size(max(1.2, ONE_COLUMN - left - 0.2), tall)
     title = f"Differences, {scale(group)}"
     figure, axes = canvas(title, below, size=size, left=left, right=0.2)

@@ -31,11 +31,6 @@ _MOST_PIXELS = 30_000
 """In width or height; a figure that would be larger is drawn more coarsely."""
 
 
-def _settled(value: Any) -> Any:
-    """A number without its last digits: Python 3.12 adds floats otherwise than 3.11 does."""
-    return float(f"{value:.11g}") if isinstance(value, float) else value
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Drawn:
     """A figure with what it shows."""
@@ -55,8 +50,7 @@ class Drawn:
     def numbers(self) -> bytes:
         """What is drawn, as CSV; every line says of which runs it is."""
         columns = (*Group._fields, *self.columns)
-        rows = [(*self.group, *map(_settled, row)) for row in self.rows]
-        return csv_bytes(columns, rows)
+        return csv_bytes(columns, [(*self.group, *row) for row in self.rows])
 
     def write(self, folder: Folder, stem: str, suffixes: Sequence[str] = SUFFIXES) -> list[Path]:
         """Write its files, those with these suffixes; RecordError (73, 74) if they cannot be."""

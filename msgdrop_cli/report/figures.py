@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 from msgdrop_cli.analysis.curves import SMOOTHING_SHARE, Curve, learning_curve
 from msgdrop_cli.analysis.differences import pairs_of, shipped_claims
+from msgdrop_cli.analysis.statistics import total
 from msgdrop_cli.analysis.summary import Group, Summary
 from msgdrop_cli.definition.spec import Claim
 from msgdrop_cli.report.bars import draw_channels
@@ -95,7 +96,7 @@ def draw_learning(summary: Summary, group: Group) -> Drawn | None:
         end(label, curve.mean[-1], look.colour, look.marker) for (_, label, look), curve in curves
     ]
     ends += lines.ends
-    size = Size(_WIDTH, max(AXES.height, sum(each.height for each in ends)))
+    size = Size(_WIDTH, max(AXES.height, total(each.height for each in ends)))
     figure, axes = canvas(f"Learning, {scale(group)}", below, size=size, right=_RIGHT)
     for rank, (each, curve) in enumerate(curves):
         _draw_curve(axes, curve, each.look, rank / len(curves), shade=_shade(len(curves)))

@@ -4,6 +4,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
+from msgdrop_cli.analysis.statistics import total
 from msgdrop_cli.analysis.summary import Group, Summary
 from msgdrop_cli.analysis.sweeps import NEVER, Swept
 from msgdrop_cli.definition.channel import played_how
@@ -91,7 +92,7 @@ def draw_sweep(summary: Summary, group: Group, sweep: Sweep, swept: Sequence[Swe
         for each in swept
         for shown in [looks[id(each.arm)]]
     ]
-    size = Size(_WIDTH, max(AXES.height, sum(each.height for each in ends)))
+    size = Size(_WIDTH, max(AXES.height, total(each.height for each in ends)))
     figure, axes = canvas(f"{sweep.text}, {scale(group)}", below, size=size, right=_RIGHT)
     values = []
     for each in swept:

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from msgdrop_cli.analysis.statistics import mean
 from msgdrop_cli.commands.parts import console
 from msgdrop_cli.commands.parts.play_missing import measurable_runs
 from msgdrop_cli.definition.channel import NONE_BROKEN
@@ -53,7 +54,7 @@ def _row(run: RunRecord, whole: float, links: "Sequence[Link]") -> tuple[str, ..
     worst = ", ".join(
         f"{one}-{other} ({whole - returns:.1f})" for (one, other), returns in links[:_SHOWN]
     )
-    cost = sum(whole - link.returns for link in links) / len(links)
+    cost = mean([whole - link.returns for link in links])
     return (run.label, str(run.seed), f"{whole:.1f}", f"{cost:.2f}", worst)
 
 

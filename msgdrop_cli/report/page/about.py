@@ -4,6 +4,7 @@ from collections.abc import Iterable, Sequence
 from itertools import groupby
 
 from msgdrop_cli.analysis.provenance import Dropped
+from msgdrop_cli.analysis.statistics import total
 from msgdrop_cli.definition.statements import Statement
 from msgdrop_cli.report.page.claims import chip
 from msgdrop_cli.report.page.content import MEANINGS, Page
@@ -112,7 +113,7 @@ def _makers(page: Page) -> Html:
         )
         for each in page.makers
     ]
-    hours = sum(each.hours for each in page.makers)
+    hours = total(each.hours for each in page.makers)
     made = f"msgdrop {page.version}" + (f" at commit {page.commit[:7]}" if page.commit else "")
     parts = [
         el("p", f"{sum(each.runs for each in page.makers)} runs took {hours:.1f} hours to train, "
