@@ -19,7 +19,7 @@ import torch
 
 from msgdrop_cli.commands.parts.estimate import check_folder, check_memory
 from msgdrop_cli.commands.parts.shapes import Sizes, check_claims, run_sizes
-from msgdrop_cli.commands.parts.survey import survey
+from msgdrop_cli.commands.parts.survey import survey, wanted_of
 from msgdrop_cli.definition.cohorts import group
 from msgdrop_cli.definition.plan import Plan
 from msgdrop_cli.definition.spec import PlannedRun
@@ -66,8 +66,8 @@ class Campaign:
 
     def carry_out(self) -> None:
         """Train, evaluate and pack until everything is done or time is up."""
-        looked_up = survey(self.asked.runs, self.out)
-        delete_leftovers(looked_up.records.values())
+        looked_up = survey(wanted_of(self.asked), self.out)
+        delete_leftovers(looked_up.own)
         check_claims(self.asked, looked_up.pending)
         sizes = {
             run.run_id: run_sizes(run, self.asked.evaluation_episodes) for run in looked_up.runs
@@ -149,7 +149,7 @@ class Campaign:
             say(f"packed {path}")
 
     def _done(self) -> list[RunRecord]:
-        looked_up = survey(self.asked.runs, self.out)
+        looked_up = survey(wanted_of(self.asked), self.out)
         return [r for r in looked_up.records.values() if r.status == "done"]
 
     def _is_evaluated(self, record: RunRecord) -> bool:
@@ -162,7 +162,7 @@ class Campaign:
         """Rewrite campaign.json, for people and programs that ask; returns what it says of runs."""
         archives = sorted(self.out.glob(f"{self._archive_name()}-[0-9]*.zip"))
         packed = {place: path.name for path in archives for place in contents(path)}
-        looked_up = survey(self.asked.runs, self.out)
+        looked_up = survey(wanted_of(self.asked), self.out)
         runs = []
         for run in looked_up.runs:
             record = looked_up.records.get(run.run_id)

@@ -7,8 +7,9 @@ import pytest
 from msgdrop_cli.analysis.reproduction import reproduce
 from msgdrop_cli.commands.parts import paper_page
 from msgdrop_cli.commands.parts.answers import find_answers
+from msgdrop_cli.commands.parts.survey import Wanted
 from msgdrop_cli.commands.parts.train_missing import breadth_first, seconds
-from msgdrop_cli.commands.parts.ways import Wanted, wanted_runs, with_ways
+from msgdrop_cli.commands.parts.ways import wanted_runs, with_ways
 from msgdrop_cli.definition.channel import NONE_BROKEN, Channel
 from msgdrop_cli.definition.figures import all_figures
 from msgdrop_cli.definition.load import load_definition

@@ -64,6 +64,20 @@ def makers(records: Sequence[RunRecord]) -> tuple[Maker, ...]:
     return tuple(sorted(found, key=lambda maker: (-maker.runs, maker.host, maker.kernel)))
 
 
+def studies(records: Iterable[RunRecord]) -> str:
+    """`broken-links-two-million (40), ...`: the folders that published runs lie in."""
+    found = Counter("".join(record.path.resolve().parts[-3:-2]) for record in records)
+    return ", ".join(f"{name} ({count:,})" for name, count in found.items())
+
+
+def origin(records: Sequence[RunRecord]) -> str:
+    """`48 of 60 runs published: dropout-rate-two-million (48)`; empty if all are own ones."""
+    published = [record for record in records if not record.is_own]
+    if not published:
+        return ""
+    return f"{len(published):,} of {len(records):,} runs published: {studies(published)}"
+
+
 def lost_runs(records: Iterable[RunRecord]) -> list[Dropped]:
     """The runs that answer a question and are not finished."""
     words = {"failed": "failed", "diverged": "diverged"}

@@ -19,6 +19,7 @@ from msgdrop_cli.analysis.intervals import mean_interval
 from msgdrop_cli.analysis.labels import remarks, shared_overrides
 from msgdrop_cli.analysis.metrics import UNKNOWN, Metrics, metrics_of
 from msgdrop_cli.analysis.order import in_order
+from msgdrop_cli.analysis.provenance import origin
 from msgdrop_cli.analysis.statistics import (
     Interval,
     interquartile_mean,
@@ -29,6 +30,7 @@ from msgdrop_cli.analysis.statistics import (
 from msgdrop_cli.definition.channel import NONE_BROKEN, Channel
 from msgdrop_cli.definition.spec import TrainingSpec
 from msgdrop_cli.errors import RecordError
+from msgdrop_cli.records.counted import preferred
 from msgdrop_cli.records.references import References, game_key
 from msgdrop_cli.records.store import RUN, RunRecord
 
@@ -110,6 +112,8 @@ class Summary:
     """What policies that learn nothing get, by `game_key`."""
     left_out: int
     """Evaluations with fewer episodes than are compared, which are in no row."""
+    tells_origin: bool = False
+    """Whether tables and figures say which runs are published: not in what is to be published."""
 
     @property
     def groups(self) -> tuple[Group, ...]:
@@ -128,6 +132,11 @@ class Summary:
     def overrides_of(self, group: Group) -> tuple[str, ...]:
         """What `--set` changed of all arms of a group alike, which no label says."""
         return shared_overrides([arm.overrides for arm in self.arms_of(group)])
+
+    def origin_of(self, group: Group) -> str:
+        """Which finished runs of a group others have published; empty where nobody is told."""
+        done = [record for arm in self.arms_of(group) for record in arm.done]
+        return origin(done) if self.tells_origin else ""
 
     def references_of(self, group: Group) -> References | None:
         """The reference policies of a group's game; None if its arms play by different rules."""
@@ -178,13 +187,12 @@ def summarise(
 
 def once_each(records: Iterable[RunRecord]) -> list[RunRecord]:
     """Each run in each profile once, whatever the number of its copies; by seed."""
-    chosen: dict[tuple[str, str, str], RunRecord] = {}
+    copies: dict[tuple[str, str, str], list[RunRecord]] = {}
     for record in records:
         key = (record.run_id, record.variant, record.profile)
-        # Of two finished copies the later path is our own run, not the published one.
-        if key not in chosen or record.status == "done" or chosen[key].status != "done":
-            chosen[key] = record
-    return sorted(chosen.values(), key=lambda record: (record.seed, record.run_id))
+        copies.setdefault(key, []).append(record)
+    chosen = (preferred(each)[0] for each in copies.values())
+    return sorted(chosen, key=lambda record: (record.seed, record.run_id))
 
 
 def _group(record: RunRecord) -> Group:

@@ -9,11 +9,11 @@ from typing import Annotated
 import typer
 
 from msgdrop_cli.commands.parts import console, options
-from msgdrop_cli.commands.parts.survey import survey
 from msgdrop_cli.definition.load import load_definition
 from msgdrop_cli.definition.plan import Plan, plan
 from msgdrop_cli.definition.spec import Definition
 from msgdrop_cli.errors import DefinitionError, RecordError
+from msgdrop_cli.records.counted import copies_of, preferred
 from msgdrop_cli.records.files import write_bytes_atomic
 from msgdrop_cli.records.store import RUN, RunRecord, list_runs
 from msgdrop_cli.records.sums import list_sums, listed
@@ -76,12 +76,12 @@ def _runs(asked: Plan, results: Path, published: Path) -> list[RunRecord]:
     """The plan's finished runs, by its names, and those that are published already."""
     from msgdrop_cli.commands.parts.carry_out import as_planned
 
-    looked_up = survey(asked.runs, results)
-    own = {
-        run.run_id: as_planned(looked_up.records[run.run_id], run)
-        for run in looked_up.runs
-        if looked_up.status(run) == "done"
-    }
+    copies = copies_of(results, {run.run_id for run in asked.runs})
+    own: dict[str, RunRecord] = {}
+    for run in asked.runs:
+        for record in preferred(copies.get(run.run_id, ()))[:1]:
+            if record.is_own and record.status == "done":
+                own.setdefault(run.run_id, as_planned(record, run))
     there = list_runs(published) if any(published.glob(f"*/*/{RUN}")) else []
     kept = [record for record in there if record.run_id not in own]
     return [*own.values(), *kept]

@@ -28,6 +28,7 @@ def footer(summary: Summary, group: Group, arms: Sequence[Arm], measure: str) ->
         f"{group.train_env_steps:,} env steps a run",
         *([f"overridden: {', '.join(overrides)}"] if overrides else []),
         shown,
+        *([origin] if (origin := summary.origin_of(group)) else []),
         *([f"{lost} failed or diverged runs left out"] if lost else []),
         f"commit{'s' * (len(commits) > 1)} {', '.join(commits)}",
     ]

@@ -235,6 +235,7 @@ def _about(summary: Summary, group: Group) -> str:
     return (
         f"{group.environment}, profile {group.profile}, {group.train_env_steps:,} env steps a run"
         + (f", overridden: {overrides}" if overrides else "")
+        + (f"; {origin}" if (origin := summary.origin_of(group)) else "")
     )
 
 

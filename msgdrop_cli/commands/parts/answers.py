@@ -17,11 +17,13 @@ from msgdrop_cli.analysis.summary import Summary, summarise
 from msgdrop_cli.commands.parts.carry_out import as_planned
 from msgdrop_cli.commands.parts.find_references import references_of
 from msgdrop_cli.definition.catalogue import Catalogue
+from msgdrop_cli.definition.channel import Channel
 from msgdrop_cli.definition.plan import plan
 from msgdrop_cli.definition.readings import readings_of, under
 from msgdrop_cli.definition.run_id import run_id
 from msgdrop_cli.definition.spec import Definition, PlannedRun
 from msgdrop_cli.errors import RecordError
+from msgdrop_cli.records.counted import preferred
 from msgdrop_cli.records.folders import run_folders
 from msgdrop_cli.records.store import RunRecord, list_runs
 
@@ -43,12 +45,26 @@ class ReadOnce(RunRecord):
     """A run whose log is read once: several claims and figures look at it."""
 
     log: list[list[dict[str, Any]]] = field(default_factory=list)
+    played: dict[Channel, int] = field(default_factory=dict)
+    """Episodes through each channel, once they have been read."""
 
     def metrics(self) -> list[dict[str, Any]]:
         """The rows of its log, which nobody changes."""
         if not self.log:
             self.log.append(RunRecord.metrics(self))
         return self.log[0]
+
+    def episodes(self) -> dict[Channel, list[dict[str, Any]]]:
+        """The raw episodes, which are too many to be kept; their numbers are."""
+        found = RunRecord.episodes(self)
+        self.played.update({channel: len(rows) for channel, rows in found.items()})
+        return found
+
+    def has_episodes(self, channels: Iterable[Channel], count: int) -> bool:
+        """As of any run, without reading again what is known."""
+        if not self.played:
+            self.episodes()
+        return all(self.played.get(channel, 0) >= count for channel in channels)
 
 
 class Unreadable(NamedTuple):
@@ -70,6 +86,8 @@ class Answers:
     unreadable: tuple[Unreadable, ...]
     scales: Mapping[str, Scale]
     """By the profile's name in the records."""
+    copies: Mapping[str, Sequence[RunRecord]]
+    """Of every run, by its id; the first is the one that is among the records."""
 
 
 def readable_runs(root: Path) -> tuple[list[RunRecord], list[Unreadable]]:
@@ -110,12 +128,16 @@ def find_answers(root: Path, definitions: Sequence[Definition], catalogue: Catal
     ids = {record.run_id for record in used}
     once = {record.run_id: record for record in used}
     paths = {each.path for each in unreadable}
+    copies: dict[str, list[RunRecord]] = {run_id: [record] for run_id, record in once.items()}
+    for record in records:
+        copies.setdefault(record.run_id, []).append(record)
     return Answers(
         answers=answers,
         records=tuple(once.values()),
         others=tuple(r for r in records if r.run_id not in ids and r.path not in paths),
         unreadable=tuple(unreadable),
         scales={scale.name: scale for each in matched for scale in each.scales},
+        copies=copies,
     )
 
 
@@ -144,7 +166,8 @@ class _Matched:
         for scale in _scales(definition, records):
             mine = 0
             for run in _planned(definition, scale, catalogue, seeds):
-                for record in by_id.pop(run.run_id, ()):  # once: the scale most records name
+                copies = by_id.pop(run.run_id, ())  # once: the scale most records name
+                for record in preferred(copies, definition.name)[:1]:
                     self.records.append(as_planned(record, run))
                     self.ids.add((run.run_id, run.variant, run.profile))
                     mine += 1

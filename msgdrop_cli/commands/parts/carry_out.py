@@ -23,7 +23,7 @@ from msgdrop_cli.commands.parts.progress import Watch, Watched
 from msgdrop_cli.commands.parts.shapes import check_claims
 from msgdrop_cli.commands.parts.show_plan import outcome_json, plan_facts, plan_json
 from msgdrop_cli.commands.parts.show_report import report
-from msgdrop_cli.commands.parts.survey import Survey, survey
+from msgdrop_cli.commands.parts.survey import Survey, survey, wanted_of
 from msgdrop_cli.definition.plan import Plan, plan
 from msgdrop_cli.definition.run_id import short_hash
 from msgdrop_cli.definition.spec import Definition, PlannedRun
@@ -66,7 +66,7 @@ def carry_out(definition: Definition, options: TrainOptions) -> int:
     if options.dry_run:
         return 0
     outcomes: list[Outcome] = []
-    delete_leftovers(looked_up.records.values())
+    delete_leftovers(looked_up.own)
     if tasks:
         if options.cluster is None:  # of other machines we know nothing
             check_memory(cost.memory_bytes, options.device)
@@ -97,11 +97,13 @@ def _planned(
         readings=options.readings,
         seeds=seeds,
     )
-    looked_up = survey(asked.runs, options.results)
+    # Looks are at what is on record: what a published policy would play is in none.
+    plays = not options.to_next_look
+    looked_up = survey(wanted_of(asked), options.results, plays=plays)
     if not options.to_next_look:
         return asked, looked_up, None
-    asked, wanted, looks = to_next_looks(asked, _as_asked(asked, looked_up.records))
-    return asked, survey(wanted, options.results), looks
+    asked, runs, looks = to_next_looks(asked, _as_asked(asked, looked_up.records))
+    return asked, survey(wanted_of(asked, runs), options.results, plays=plays), looks
 
 
 def _say_what_is_slow(device: str) -> None:
@@ -184,7 +186,7 @@ def _report(asked: Plan, options: TrainOptions, outcomes: Sequence[Outcome]) -> 
     Returns the exit code: 3 if some of them failed or diverged, the code of the worst that could
     not be evaluated, or 0.
     """
-    looked_up = survey(asked.runs, options.results)
+    looked_up = survey(wanted_of(asked), options.results)
     done = [record for record in looked_up.records.values() if record.status == "done"]
     lost = {outcome.run_id for outcome in outcomes if outcome.status != "done"}
     with ExitStack() as keep:
@@ -214,7 +216,10 @@ def _report(asked: Plan, options: TrainOptions, outcomes: Sequence[Outcome]) -> 
                 about={
                     "definition": asked.definition.name,
                     "profile": asked.profile,
-                    "runs": [outcome_json(run, current.get(run.run_id)) for run in looked_up.runs],
+                    "runs": [
+                        outcome_json(run, looked_up.records.get(run.run_id))
+                        for run in looked_up.runs
+                    ],
                 },
             )
     words = {looked_up.status(run) for run in asked.runs}

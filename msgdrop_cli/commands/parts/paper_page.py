@@ -10,6 +10,7 @@ from msgdrop_cli.analysis.reproduction import Section, reproduce
 from msgdrop_cli.analysis.summary import Group, Summary
 from msgdrop_cli.commands.parts.answers import Answers, find_answers
 from msgdrop_cli.commands.parts.estimate import check_folder
+from msgdrop_cli.commands.parts.find_references import home_of
 from msgdrop_cli.commands.parts.train_missing import Means, train_missing
 from msgdrop_cli.commands.parts.ways import wanted_runs, with_ways
 from msgdrop_cli.definition.figures import all_figures
@@ -30,10 +31,11 @@ def train(root: Path, means: Means) -> int:
     """
     from msgdrop_cli.engine.offers import catalogue
 
-    check_folder(root, 0)
+    home = home_of(root)  # nothing is trained inside of what is published
+    check_folder(home, 0)
     answers, sections = _told(root)
     finished = [record for record in answers.records if record.status == "done"]
-    return train_missing(wanted_runs(sections, answers, catalogue()), finished, root, means)
+    return train_missing(wanted_runs(sections, answers, catalogue()), finished, home, means)
 
 
 def paper_page(root: Path) -> Page:

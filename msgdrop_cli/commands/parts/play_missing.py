@@ -186,8 +186,10 @@ def _note_left_out(runs: int, reason: str) -> None:
 
 
 def _copy(record: RunRecord, keep: ExitStack) -> RunRecord:
-    folder = keep.enter_context(scratch_folder()) / record.path.name
-    folder.mkdir()
+    """The run in a folder of its own, which says as the first one does which study it is of."""
+    place = record.path.resolve().parts[-3:]
+    folder = keep.enter_context(scratch_folder()).joinpath(*place)
+    folder.mkdir(parents=True)
     for name in _COPIED:
         if (record.path / name).is_file():
             shutil.copyfile(record.path / name, folder / name)

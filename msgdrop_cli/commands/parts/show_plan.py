@@ -5,6 +5,7 @@ from typing import Any
 
 from msgdrop_cli.analysis.labels import shared_overrides, with_overrides
 from msgdrop_cli.analysis.next_looks import NextLook
+from msgdrop_cli.analysis.provenance import studies
 from msgdrop_cli.commands.parts.auto_seeds import looks_in_words
 from msgdrop_cli.commands.parts.estimate import Estimate
 from msgdrop_cli.commands.parts.options import TrainOptions
@@ -52,6 +53,7 @@ def plan_facts(
         "variants": ", ".join(variants),
         "seeds": seeds,
         "runs": _runs(looked_up),
+        **_published(looked_up, asked),
     }
     if looked_up.pending:
         facts |= {
@@ -66,18 +68,40 @@ def plan_facts(
 
 
 def _runs(looked_up: Survey) -> str:
-    """`8 runs: 3 finished, 5 new`."""
+    """`8 runs: 2 finished, 1 published, 5 new`."""
     pending, resumable = len(looked_up.pending), len(looked_up.resumable)
     runs = several(len(looked_up.runs), "run")
     diverged = sum(looked_up.status(run) == "diverged" for run in looked_up.runs)
+    published = len(looked_up.published)
     states = {
-        "finished": len(looked_up.runs) - pending - diverged,
+        "finished": len(looked_up.runs) - pending - diverged - published,
+        "published": published,
         "diverged": diverged,
         "to go on with": resumable,
         "new": pending - resumable,
     }
     told = ", ".join(f"{count} {word}" for word, count in states.items() if count)
     return f"{runs}: {told}" if told else runs
+
+
+def _published(looked_up: Survey, asked: Plan) -> dict[str, str]:
+    """Which studies the published runs are of, and what becomes of those that lack episodes."""
+    told = []
+    if looked_up.published:
+        told.append(
+            f"counted as they are: {studies(looked_up.published)}; to train all yourself:"
+            " --results NEW-FOLDER"
+        )
+    through = ", ".join(channel.word for channel in asked.channels)
+    asks = f"{asked.evaluation_episodes:,} episodes each through {through}"
+    if count := len(looked_up.to_play):
+        told.append(f"{count:,} of them with fewer than {asks}: their policies are played")
+    if count := len(looked_up.short):
+        told.append(
+            f"{several(count, 'run')} more published with fewer than {asks}, and no policy to"
+            " play: to be trained"
+        )
+    return {"published": "; ".join(told)} if told else {}
 
 
 def _readings(names: Sequence[str]) -> str:
@@ -139,6 +163,7 @@ def outcome_json(run: PlannedRun, record: RunRecord | None) -> dict[str, Any]:
         "seed": run.spec.seed,
         "overrides": list(run.overrides),
         "status": record.status if record else "planned",
+        "published": bool(record and not record.is_own),
         "reason": record.reason if record else None,
         "env_steps": record.env_steps if record else 0,
         "train_env_steps": run.spec.training.train_env_steps,

@@ -1,11 +1,12 @@
 """Shows what records say: tables, verdicts on claims, figures; as text or as one JSON document."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
 from msgdrop_cli.analysis.claims import judge_claims
+from msgdrop_cli.analysis.provenance import origin
 from msgdrop_cli.analysis.summary import Summary, summarise
 from msgdrop_cli.analysis.verdict import Verdict
 from msgdrop_cli.commands.parts import console
@@ -44,12 +45,13 @@ def report(
     `root`. The numbers may have taken minutes, so they are shown before a figure can fail.
     Raises RecordError: rows that cannot be read, or figures that cannot be written (73, 74).
     """
-    everything = summarise(
+    measured = summarise(
         records,
         order=tuple(question.variants) if question else (),
         references=references_of(records, root),
         episodes=episodes,
     )
+    everything = replace(measured, tells_origin=True)
     summary = only(everything, channels)
     verdicts = judge_claims(claims, summary, question) if question else []
     if as_json:
@@ -63,7 +65,7 @@ def report(
         left = (f"{name} {each.share_left:.0%}" for name, each in known.errors.items())
         console.result(f"\nencoder  {known.folder}: of what is seen it loses {', '.join(left)}")
     if question and verdicts:
-        _show(verdicts, "Claims of the paper" if question.shipped else "Claims")
+        _show(verdicts, summary, "Claims of the paper" if question.shipped else "Claims")
     if figures:
         note_left_out(everything)
     drawn = draw_all(everything, figures, claims or None) if figures else []
@@ -89,7 +91,7 @@ def _report_json(
                 **about,
                 "results": summary.to_json(),
                 "references": {key: asdict(each) for key, each in summary.references.items()},
-                "claims": [_verdict_json(verdict) for verdict in verdicts],
+                "claims": [_verdict_json(each, _runs_of(each, summary)) for each in verdicts],
                 "figures": [str(path) for path in drawn],
             }
         )
@@ -107,15 +109,24 @@ def note_left_out(summary: Summary) -> None:
         console.note(f"left out, with fewer episodes: {several(summary.left_out, 'evaluation')}")
 
 
-def _show(verdicts: Sequence[Verdict], title: str) -> None:
+def _show(verdicts: Sequence[Verdict], summary: Summary, title: str) -> None:
     """Claims as paragraphs: their sentences are too long for the cells of a terminal's table."""
     rows = []
-    for claim, tested_on, compared, difference, verdict, why in claims_table(verdicts).rows:
-        rows.append((verdict, claim, f"{compared}: difference {difference}", f"{why}; {tested_on}"))
+    lines = claims_table(verdicts).rows
+    for each, (claim, on, compared, difference, word, why) in zip(verdicts, lines, strict=True):
+        about = "; ".join(filter(None, (why, on, origin(_runs_of(each, summary)))))
+        rows.append((word, claim, f"{compared}: difference {difference}", about))
     console.verdicts(title, rows)
 
 
-def _verdict_json(verdict: Verdict) -> dict[str, Any]:
+def _runs_of(verdict: Verdict, summary: Summary) -> list[RunRecord]:
+    """The finished runs of both arms, those of `better` first."""
+    arms = summary.arms_of(verdict.group) if verdict.group else ()
+    compared = (verdict.claim.better, verdict.claim.worse)
+    return [run for name in compared for arm in arms if arm.variant == name for run in arm.done]
+
+
+def _verdict_json(verdict: Verdict, runs: Sequence[RunRecord]) -> dict[str, Any]:
     claim = verdict.claim
     return {
         "says": claim.says,
@@ -134,6 +145,7 @@ def _verdict_json(verdict: Verdict) -> dict[str, Any]:
         "high": verdict.interval.high if verdict.interval else None,
         "seeds": verdict.seeds,
         "lost": verdict.lost,
+        "runs": {run.run_id: "own" if run.is_own else "published" for run in runs},
         "evidence": verdict.evidence._asdict() if verdict.evidence else None,
         "anytime": verdict.anytime.to_json() if verdict.anytime else None,
         "prospect": verdict.prospect._asdict() if verdict.prospect else None,

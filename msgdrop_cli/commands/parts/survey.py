@@ -1,21 +1,41 @@
-"""What the store has of a plan: which runs are done, which go on, and how much is left."""
+"""Which runs of a plan are there, which go on, and how much is left: every command asks here.
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+Own runs count first, then those that others have published in the same results folder, run by run.
+What is published is read and nothing else.
+"""
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 
+from msgdrop_cli.definition.channel import Channel
+from msgdrop_cli.definition.plan import Plan
 from msgdrop_cli.definition.spec import PlannedRun
-from msgdrop_cli.records.store import RUNS, RunRecord, find_run
+from msgdrop_cli.records.counted import copies_of, preferred
+from msgdrop_cli.records.store import POLICY, RunRecord
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Wanted:
+    """A run, and what it is to be evaluated with."""
+
+    run: PlannedRun
+    channels: tuple[Channel, ...]
+    episodes: int
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Survey:
-    """The distinct runs of a plan and what the store has of them."""
+    """The distinct runs of a plan and what there is of them."""
 
     runs: tuple[PlannedRun, ...]
     """Each run id once."""
     records: Mapping[str, RunRecord]
     """By run id."""
+    to_play: frozenset[str] = field(default=frozenset())
+    """Ids of published runs that lack episodes, and have a policy to play them with."""
+    short: frozenset[str] = field(default=frozenset())
+    """Ids of runs that are published with neither, and so are to be trained."""
 
     @property
     def pending(self) -> tuple[PlannedRun, ...]:
@@ -26,6 +46,16 @@ class Survey:
     def resumable(self) -> tuple[PlannedRun, ...]:
         """Those pending that have been trained for a while."""
         return tuple(run for run in self.pending if self.env_steps(run))
+
+    @property
+    def own(self) -> tuple[RunRecord, ...]:
+        """The records that may be written to."""
+        return tuple(record for record in self.records.values() if record.is_own)
+
+    @property
+    def published(self) -> tuple[RunRecord, ...]:
+        """The records that others have published, which stay as they are."""
+        return tuple(record for record in self.records.values() if not record.is_own)
 
     def env_steps(self, run: PlannedRun) -> int:
         """Env steps that the run has behind it."""
@@ -40,13 +70,58 @@ class Survey:
         return self.records[run.run_id].status if run.run_id in self.records else "planned"
 
 
-def survey(runs: Sequence[PlannedRun], root: Path) -> Survey:
-    """Look up every run of a plan in the results folder; RecordError for a damaged record."""
-    distinct: dict[str, PlannedRun] = {}
-    for run in runs:
-        distinct.setdefault(run.run_id, run)
-    found = {run_id: find_run(root / RUNS, run_id) for run_id in distinct}
+def wanted_of(asked: Plan, runs: Iterable[PlannedRun] | None = None) -> list[Wanted]:
+    """The runs of a plan, or these of them, with its evaluations."""
+    return [
+        Wanted(run=run, channels=asked.channels, episodes=asked.evaluation_episodes)
+        for run in (asked.runs if runs is None else runs)
+    ]
+
+
+def survey(wanted: Iterable[Wanted], root: Path, *, plays: bool = True) -> Survey:
+    """Look up every run in the results folder.
+
+    plays: whether a published run whose policy can be played for the episodes that it lacks is
+    there. Raises RecordError for a damaged record that would have counted.
+    """
+    distinct = _once(wanted)
+    return _surveyed(distinct, copies_of(root, distinct.keys()), plays=plays)
+
+
+def survey_among(wanted: Iterable[Wanted], records: Mapping[str, Sequence[RunRecord]]) -> Survey:
+    """The same among records that have been read, by run id; RecordError for damaged episodes."""
+    return _surveyed(_once(wanted), records, plays=True)
+
+
+def _once(wanted: Iterable[Wanted]) -> dict[str, Wanted]:
+    distinct: dict[str, Wanted] = {}
+    for each in wanted:
+        distinct.setdefault(each.run.run_id, each)
+    return distinct
+
+
+def _surveyed(
+    wanted: Mapping[str, Wanted], copies: Mapping[str, Sequence[RunRecord]], *, plays: bool
+) -> Survey:
+    records: dict[str, RunRecord] = {}
+    to_play, short = set[str](), set[str]()
+    for run_id, each in wanted.items():
+        for record in preferred(copies.get(run_id, ()), each.run.definition):
+            if record.is_own:
+                records[run_id] = record
+                break
+            if record.status != "done":
+                continue
+            if not record.has_episodes(each.channels, each.episodes):
+                if not (plays and (record.path / POLICY).is_file()):
+                    short.add(run_id)
+                    continue
+                to_play.add(run_id)
+            records[run_id] = record
+            break
     return Survey(
-        runs=tuple(distinct.values()),
-        records={run_id: record for run_id, record in found.items() if record is not None},
+        runs=tuple(each.run for each in wanted.values()),
+        records=records,
+        to_play=frozenset(to_play),
+        short=frozenset(short - records.keys()),
     )

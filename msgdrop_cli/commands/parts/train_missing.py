@@ -12,8 +12,7 @@ from pathlib import Path
 from msgdrop_cli.commands.parts import console
 from msgdrop_cli.commands.parts.estimate import check_folder, check_memory, cohorts, estimate
 from msgdrop_cli.commands.parts.progress import Watch, Watched
-from msgdrop_cli.commands.parts.survey import Survey, survey
-from msgdrop_cli.commands.parts.ways import Wanted
+from msgdrop_cli.commands.parts.survey import Survey, Wanted, survey
 from msgdrop_cli.commands.parts.words import duration, several
 from msgdrop_cli.definition.channel import Channel
 from msgdrop_cli.definition.spec import PlannedRun
@@ -67,7 +66,7 @@ def train_missing(
     When the budget is spent, whoever is at work writes a checkpoint; the same command goes on.
     Raises DefinitionError and RecordError before anything is written, and Stopped.
     """
-    looked_up = survey([each.run for each in wanted], root)
+    looked_up = survey(breadth_first(wanted), root)
     pending = {run.run_id for run in looked_up.pending}
     todo = [each for each in breadth_first(wanted) if each.run.run_id in pending]
     if not todo:
@@ -77,7 +76,7 @@ def train_missing(
     cost = _cost(todo, finished, root, means)
     time = "" if means.budget_s is None else f", stopped after {duration(means.budget_s)}"
     console.note(f"{several(len(todo), 'run')} to train, about {duration(cost)}{time}")
-    delete_leftovers(looked_up.records.values())
+    delete_leftovers(looked_up.own)
     watched = [
         Watched(
             run_id=each.run.run_id,

@@ -2,16 +2,15 @@
 
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 from msgdrop_cli.analysis.reproduction import Answer, Decides, Line, Section
 from msgdrop_cli.analysis.sign_flips import smallest_p
 from msgdrop_cli.analysis.verdict import Word
 from msgdrop_cli.commands.parts.answers import Answers, Scale, whole
 from msgdrop_cli.commands.parts.estimate import estimate
-from msgdrop_cli.commands.parts.survey import Survey
+from msgdrop_cli.commands.parts.survey import Survey, Wanted, survey_among, wanted_of
 from msgdrop_cli.definition.catalogue import Catalogue
-from msgdrop_cli.definition.channel import Channel
 from msgdrop_cli.definition.figures import all_figures
 from msgdrop_cli.definition.plan import Plan, plan
 from msgdrop_cli.definition.run_id import run_id
@@ -20,15 +19,6 @@ from msgdrop_cli.definition.spec import Definition, PlannedRun, Registration
 _OPEN: tuple[Word, ...] = ("undecided", "not run")
 _PAPER = "paper"
 """Profiles of the paper's length begin with it: days, so not what is asked first."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Wanted:
-    """A run that an open claim lacks, and what it is to be evaluated with."""
-
-    run: PlannedRun
-    channels: tuple[Channel, ...]
-    episodes: int
 
 
 def with_ways(
@@ -110,21 +100,22 @@ class _Guide:
         if look is None:
             return []
         scale = self.answers.scales[shown.profile] if shown else self._first_scale(line)
+        return self._lacking(scale, line.environment, arms, look)
+
+    def _lacking(
+        self, scale: Scale, environment: str, arms: Sequence[str], seeds: int
+    ) -> list[Wanted]:
+        """Of these arms with seeds 1 to n the runs that are nowhere, neither own nor published."""
         asked = self._plan(scale)
         found = []
         for variant in arms:
-            done = self.done.get((line.environment, variant, scale.name), set())
-            run = self._planned(scale, line.environment, variant)
-            for seed in sorted(set(range(1, look + 1)) - done):
+            run = self._planned(scale, environment, variant)
+            for seed in range(1, seeds + 1):
                 spec = replace(run.spec, seed=seed)
-                found.append(
-                    Wanted(
-                        run=replace(run, spec=spec, run_id=run_id(spec)),
-                        channels=asked.channels,
-                        episodes=asked.evaluation_episodes,
-                    )
-                )
-        return found
+                found.append(replace(run, spec=spec, run_id=run_id(spec)))
+        wanted = wanted_of(asked, found)
+        pending = {run.run_id for run in survey_among(wanted, self.answers.copies).pending}
+        return [each for each in wanted if each.run.run_id in pending]
 
     def _asked_for(self, line: Line, rule: Registration) -> tuple[Sequence[str], int | None]:
         """The arms that the claim waits for, and with how many seeds; None if no look is left.
@@ -197,17 +188,13 @@ class _Guide:
         if prospect is None and look is None:
             return None
         seeds = prospect.seeds if prospect else look or 0
-        missing, seconds = 0, 0.0
-        for variant in arms:
-            done = self.done.get((line.environment, variant, scale.name), set())
-            lacks = seeds - sum(seed <= seeds for seed in done)
-            missing += lacks
-            seconds += lacks * self._a_run(scale, line.environment, variant)
+        lacking = self._lacking(scale, line.environment, arms, seeds)
+        seconds = sum(self._a_run(scale, line.environment, each.run.variant) for each in lacking)
         return Decides(
             seeds=seeds,
             forecast=prospect is not None,
             registered=seeds in rule.looks,
-            runs=missing,
+            runs=len(lacking),
             seconds=seconds,
             family=waits,
         )

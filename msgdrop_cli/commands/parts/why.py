@@ -17,6 +17,7 @@ from msgdrop_cli.definition.readings import all_readings, apart
 from msgdrop_cli.definition.registration import registered_as
 from msgdrop_cli.definition.run_id import spec_to_dict
 from msgdrop_cli.errors import DefinitionError
+from msgdrop_cli.records.counted import preferred
 from msgdrop_cli.records.files import LOCK
 from msgdrop_cli.records.holders import is_held, locked_files
 from msgdrop_cli.records.store import RunRecord
@@ -42,20 +43,34 @@ class Why:
 def reasons(records: Iterable[RunRecord], catalogue: Catalogue) -> list[Why]:
     """Every run that is missing or stale, those of one question and reason together.
 
-    Those at work are not among them. Raises RecordError for damaged episodes.
+    Those at work are not among them, nor a copy of which another one is finished, own or published.
+    Raises RecordError for damaged episodes.
     """
     found: dict[tuple[Any, ...], list[RunRecord]] = {}
     asked, held = _Asked(catalogue), locked_files()
+    records = list(records)
+    counted = _counted(records)
     for record in records:
+        is_there = counted[record.run_id] != record and counted[record.run_id].status == "done"
+        if is_there and record.status != "done":
+            continue
         if record.status == "running" and is_held(record.path / LOCK, held):
             continue
         word, reason = _why(record, asked)
-        if word != _CURRENT:
+        if word != _CURRENT and not (is_there and word == "incomplete"):
             found.setdefault((word, reason, *_question(record)), []).append(record)
     return [
         Why(key[0], key[1], tuple(runs), "" if key[0] == "diverged" else _command(runs))
         for key, runs in found.items()
     ]
+
+
+def _counted(records: Iterable[RunRecord]) -> dict[str, RunRecord]:
+    """By run id the copy that every command counts."""
+    copies: dict[str, list[RunRecord]] = {}
+    for record in records:
+        copies.setdefault(record.run_id, []).append(record)
+    return {run_id: preferred(each)[0] for run_id, each in copies.items()}
 
 
 def _why(record: RunRecord, asked: "_Asked") -> tuple[str, str]:

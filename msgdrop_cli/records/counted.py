@@ -1,0 +1,86 @@
+"""Which copy of a run counts: own ones and those that are published lie in one results folder."""
+
+from collections.abc import Container, Iterable
+from pathlib import Path
+
+from msgdrop_cli.errors import RecordError
+from msgdrop_cli.records.folders import run_folders
+from msgdrop_cli.records.packed import log_file
+from msgdrop_cli.records.store import EPISODES, POLICY, RUNS, RunRecord, list_runs
+
+PUBLISHED = "published"
+"""The folder of what is published in a results folder; only `publish` writes there."""
+_ENDED = ("diverged", "done")
+
+
+def preferred(copies: Iterable[RunRecord], question: str = "") -> list[RunRecord]:
+    """The copies of one run; the first is the one that counts.
+
+    An own one that has ended comes first: what diverged here is not made good by somebody else's.
+    Then finished ones that are published: those of the question that asks, else the one with the
+    longest log of episodes, or with a policy. Then an own one that is on its way.
+    """
+    found = list(copies)
+    if len(found) < 2:  # nothing is looked up
+        return found
+    return sorted(found, key=lambda copy: _rank(copy, question), reverse=True)
+
+
+def copies_of(root: Path, run_ids: Container[str]) -> dict[str, list[RunRecord]]:
+    """By run id, the copies in a results folder: own runs, then published ones.
+
+    Raises RecordError for a damaged own record, and for a damaged published one only if no other
+    copy of its run has ended.
+    """
+    found = {run_id: _read(paths) for run_id, paths in _folders(root / RUNS, run_ids).items()}
+    for run_id, paths in _folders(root / PUBLISHED, run_ids).items():
+        own = found.setdefault(run_id, [])
+        if not any(record.status in _ENDED for record in own):
+            own += _sound(paths)
+    return {
+        run_id: [record for record in records if record.run_id == run_id]
+        for run_id, records in found.items()
+    }
+
+
+def _rank(record: RunRecord, question: str) -> tuple[int, ...]:
+    if record.is_own:
+        ended = record.status in _ENDED
+        return 3 if ended else 1, record.status == "done", record.env_steps
+    if record.status != "done":
+        return (0,)
+    log = log_file(record.path / EPISODES)
+    played = log.stat().st_size if log.is_file() else 0
+    return 2, record.definition == question, played, (record.path / POLICY).is_file()
+
+
+def _folders(root: Path, run_ids: Container[str]) -> dict[str, list[Path]]:
+    """By run id, the run folders that are named for one of them; nothing for no folder."""
+    found: dict[str, list[Path]] = {}
+    try:
+        if not root.is_dir():
+            return found
+    except OSError:  # a name that is too long, a folder that is closed to us: no run either
+        return found
+    for path in run_folders(root).runs:
+        run_id = path.name.rpartition("-")[2]
+        if run_id in run_ids:
+            found.setdefault(run_id, []).append(path)
+    return found
+
+
+def _read(paths: Iterable[Path]) -> list[RunRecord]:
+    return [record for path in paths for record in list_runs(path)]
+
+
+def _sound(paths: Iterable[Path]) -> list[RunRecord]:
+    """Those that can be read; RecordError if none can."""
+    records, damage = list[RunRecord](), None
+    for path in paths:
+        try:
+            records += list_runs(path)
+        except RecordError as error:
+            damage = damage or error
+    if damage and not records:
+        raise damage
+    return records
