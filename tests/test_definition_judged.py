@@ -35,3 +35,9 @@ def test_a_profile_that_the_question_has_not_is_refused() -> None:
     """The records of another question may lie in its folder."""
     with pytest.raises(DefinitionError, match="no profile is called 'mine'"):
         judged_at(load_definition("broken-links"), "mine")
+
+
+def test_what_goes_on_with_no_reading_is_no_profile() -> None:
+    """As everywhere else where a profile's name is read: `quick-mine` is not `quick`."""
+    with pytest.raises(DefinitionError, match="no profile is called 'quick-mine'"):
+        judged_at(load_definition("broken-links"), "quick-mine")

@@ -3,7 +3,8 @@
 from collections.abc import Container
 
 from msgdrop_cli.definition.channel import Channel
-from msgdrop_cli.definition.spec import Claim, Definition, Profile, record_name
+from msgdrop_cli.definition.readings import apart
+from msgdrop_cli.definition.spec import Claim, Definition, record_name
 from msgdrop_cli.definition.strict import Where
 
 
@@ -26,17 +27,13 @@ def judged_at(definition: Definition, called: str) -> tuple[Claim, ...]:
     called: as records call it, with the readings that it was asked under, which add no claim.
     Raises DefinitionError if the question has no such profile.
     """
-    profile = _profile(definition, called)
+    name, _ = apart(called, definition.profiles)
+    if name not in definition.profiles:
+        raise Where(definition.file).error(f"no profile is called {called!r}")
+    profile = definition.profiles[name]
     arms = {
         (record_name(environment), variant)
         for environment in profile.environments or definition.environments
         for variant in profile.variants or definition.variants
     }
     return judged_by(definition, arms, profile.channels or definition.channels)
-
-
-def _profile(definition: Definition, called: str) -> Profile:
-    for name in sorted(definition.profiles, key=len, reverse=True):
-        if called == name or called.startswith(f"{name}-"):
-            return definition.profiles[name]
-    raise Where(definition.file).error(f"no profile is called {called!r}")

@@ -19,7 +19,7 @@ from msgdrop_cli.commands.parts.find_references import references_of
 from msgdrop_cli.definition.catalogue import Catalogue
 from msgdrop_cli.definition.channel import Channel
 from msgdrop_cli.definition.plan import plan
-from msgdrop_cli.definition.readings import readings_of, under
+from msgdrop_cli.definition.readings import apart, readings_of, under
 from msgdrop_cli.definition.run_id import run_id
 from msgdrop_cli.definition.spec import Definition, PlannedRun
 from msgdrop_cli.errors import RecordError
@@ -178,28 +178,13 @@ class _Matched:
 def _scales(definition: Definition, records: Sequence[RunRecord]) -> list[Scale]:
     """The question's profiles, and those under readings that records name; the most named first."""
     named = Counter(record.profile for record in records)
-    readings = sorted(readings_of(definition.environments), key=len, reverse=True)
+    known = readings_of(definition.environments).keys()
     scales = {Scale(profile, ()): named[profile] for profile in definition.profiles}
     for name in named.keys() - definition.profiles.keys():
-        for profile in definition.profiles:
-            rest = _split(name.removeprefix(profile), readings)
-            scale = Scale(profile, rest)
-            if name.startswith(f"{profile}-") and rest and scale.name == name:
-                scales[scale] = named[name]
+        scale = Scale(*apart(name, definition.profiles))
+        if scale.readings and known >= set(scale.readings) and scale.name == name:
+            scales[scale] = named[name]
     return sorted(scales, key=lambda scale: (-scales[scale], len(scale.readings)))
-
-
-def _split(text: str, readings: Sequence[str]) -> tuple[str, ...]:
-    """`-capture-once-huber` as the readings that it names; none if it names anything else."""
-    if not text:
-        return ()
-    for name in readings:
-        if text.startswith(f"-{name}"):
-            left = text.removeprefix(f"-{name}")
-            more = _split(left, readings)
-            if more or not left:
-                return (name, *more)
-    return ()
 
 
 def _planned(
