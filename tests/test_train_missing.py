@@ -1,14 +1,17 @@
 """`msgdrop reproduce --train`: what open claims lack, every variant's seed 1 first."""
 
+import time
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
 from msgdrop_cli.analysis.reproduction import reproduce
+from msgdrop_cli.commands import reproduce as reproduce_command
 from msgdrop_cli.commands.parts import paper_page
 from msgdrop_cli.commands.parts.answers import find_answers
 from msgdrop_cli.commands.parts.survey import Wanted
-from msgdrop_cli.commands.parts.train_missing import breadth_first, seconds
+from msgdrop_cli.commands.parts.train_missing import Means, breadth_first, seconds, train_missing
 from msgdrop_cli.commands.parts.ways import wanted_runs, with_ways
 from msgdrop_cli.definition.channel import NONE_BROKEN, Channel
 from msgdrop_cli.definition.figures import all_figures
@@ -68,6 +71,20 @@ def test_what_is_wanted_is_what_the_next_look_lacks(tmp_path: Path) -> None:
     assert all(len(each.channels) == 3 for each in found)
 
 
+def test_what_is_published_without_an_evaluation_is_wanted(tmp_path: Path) -> None:
+    """A run with neither as many episodes as are asked for nor a policy is not there."""
+    question = load_definition("broken-links")
+    write_answers(tmp_path)  # two episodes each
+    (tmp_path / "runs").rename(tmp_path / "published")
+    for folder in (tmp_path / "published").glob("*/*-s1-*"):
+        (folder / "policy.safetensors").write_bytes(b"?")
+    answers = find_answers(tmp_path, [question], OFFERS)
+    found = wanted_runs(reproduce(answers.answers, all_figures()), answers, OFFERS)
+    md = [each.run for each in found if each.run.variant == "md-0.2"]
+    seeds = {run.spec.seed for run in md if run.spec.environment == "pursuit-n6"}
+    assert seeds == set(range(2, 11))
+
+
 def test_a_claim_whose_look_has_come_waits_for_its_family() -> None:
     """More seeds of its own arms would decide nothing: rates 0.1, 0.3, 0.4 with ten seeds do."""
     published = ROOT / "results" / "published" / "broken-links-two-million"
@@ -102,6 +119,30 @@ def test_the_budget_is_kept_and_the_page_is_made(
     assert {record.seed for record in list_runs(folder)} == {1}
     assert {record.status for record in list_runs(folder)} == {"interrupted"}
     assert (folder / "reproduce.html").is_file()
+
+
+def test_the_page_is_a_part_of_the_budget(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Made before, which takes 40 s here, and after: of five minutes 260 s are left to train."""
+    clock, asked = [1000.0], list[Means]()
+
+    def written(folder: Path, *, may_be_empty: bool) -> None:
+        clock[0] += 40.0
+
+    monkeypatch.setattr(reproduce_command, "time", SimpleNamespace(monotonic=lambda: clock[0]))
+    monkeypatch.setattr(reproduce_command, "_written", written)
+    monkeypatch.setattr(paper_page, "train", lambda folder, means: asked.append(means))
+    reproduce_command._train(tmp_path, "5min", 1, "cpu")
+    assert asked[0].ends == 1000.0 + 300.0 - 40.0
+
+
+def test_a_budget_that_the_page_takes_trains_nothing(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """It says so, and no run is begun."""
+    over = Means(workers=1, device="cpu", ends=time.monotonic())
+    assert train_missing(wanted(NONE_BROKEN), [], tmp_path, over) == 0
+    assert "the page alone takes all of the --budget" in capsys.readouterr().err
+    assert list(tmp_path.iterdir()) == []
 
 
 @pytest.mark.parametrize(("text", "expected"), [("6h", 21600.0), ("90min", 5400.0), ("1.5s", 1.5)])

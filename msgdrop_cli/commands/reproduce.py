@@ -1,8 +1,9 @@
 """`msgdrop reproduce`: the paper on one page, claim by claim, from the records that are there."""
 
 import json as json_text
+import time
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 import typer
 
@@ -18,8 +19,18 @@ _Train = Annotated[
     bool, typer.Option("--train", help="Train what open claims lack first, seed by seed.")
 ]
 _Budget = Annotated[
-    str | None, typer.Option(metavar="TIME", help="With --train: for so long, 6h or 90min.")
+    str | None,
+    typer.Option(
+        metavar="TIME", help="With --train: for so long in all, page included, 6h or 90min."
+    ),
 ]
+
+
+class _Written(NamedTuple):
+    """A page, and its files."""
+
+    page: "Page"
+    paths: list[Path]
 
 
 @app.command(epilog=options.examples("reproduce", "reproduce --train --budget 6h"))
@@ -42,37 +53,52 @@ def reproduce(
     if budget is not None and not train:
         raise DefinitionError("--budget: of what? it is the time that --train may take")
     code = _train(results, budget, workers, device) if train else 0
+    page, paths = _written(results, may_be_empty=train)
+    for each in page.dropped:
+        if each.what == "unreadable":
+            console.note(each.reason)
+            code = max(code, 2)
+    if json:
+        console.result_json(page.document())
+    else:
+        _show(page, paths)
+    return code
+
+
+def _train(results: Path, budget: str | None, workers: int, device: str) -> int:
+    began = time.monotonic()
+    from msgdrop_cli.commands.parts.estimate import check_folder
+    from msgdrop_cli.commands.parts.find_references import home_of
+    from msgdrop_cli.commands.parts.paper_page import train
+    from msgdrop_cli.commands.parts.train_missing import Means, seconds
+
+    budget_s = None if budget is None else seconds(budget)
+    options.check_device(device)
+    if budget_s is None:
+        return train(results, Means(workers=workers, device=device, ends=None))
+    check_folder(home_of(results), 0)
+    # The page of before, which is there whatever happens, says how long the one after takes.
+    page_began = time.monotonic()
+    _written(results, may_be_empty=True)
+    page_s = time.monotonic() - page_began
+    return train(results, Means(workers=workers, device=device, ends=began + budget_s - page_s))
+
+
+def _written(results: Path, *, may_be_empty: bool) -> _Written:
+    """The page of the records in or below a folder, as files."""
     from msgdrop_cli.commands.parts.paper_page import paper_page
     from msgdrop_cli.report.page.html import html
     from msgdrop_cli.report.page.markdown import markdown
     from msgdrop_cli.report.write import pages_folder, write_atomic
 
     page = paper_page(results)
-    for each in page.dropped:
-        if each.what == "unreadable":
-            console.note(each.reason)
-            code = max(code, 2)
-    if not page.makers and not train:
+    if not page.makers and not may_be_empty:
         raise DefinitionError(f"{results}: no finished run is there, so there is no page to write")
-    document = page.document()
-    text = json_text.dumps(document, indent=1, allow_nan=False) + "\n"
+    text = json_text.dumps(page.document(), indent=1, allow_nan=False) + "\n"
     folder = pages_folder(results)
     contents = {"html": html(page), "md": markdown(page), "json": text.encode()}
     paths = [write_atomic(folder, f"{_NAME}.{kind}", made) for kind, made in contents.items()]
-    if json:
-        console.result_json(document)
-        return code
-    _show(page, paths)
-    return code
-
-
-def _train(results: Path, budget: str | None, workers: int, device: str) -> int:
-    from msgdrop_cli.commands.parts.paper_page import train
-    from msgdrop_cli.commands.parts.train_missing import Means, seconds
-
-    budget_s = None if budget is None else seconds(budget)
-    options.check_device(device)
-    return train(results, Means(workers=workers, device=device, budget_s=budget_s))
+    return _Written(page, paths)
 
 
 def _show(page: "Page", paths: list[Path]) -> None:

@@ -5,6 +5,7 @@ Every variant gets seed 1 before any gets seed 2, so that a study cut short is b
 
 import re
 import threading
+import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -34,8 +35,8 @@ class Means:
 
     workers: int
     device: str
-    budget_s: float | None
-    """None: until everything is there."""
+    ends: float | None
+    """By time.monotonic(); None: when everything is there."""
 
 
 def seconds(text: str) -> float:
@@ -74,8 +75,12 @@ def train_missing(
         return 0
     tasks = _tasks(todo, root, means.device)
     cost = _cost(todo, finished, root, means)
-    time = "" if means.budget_s is None else f", stopped after {duration(means.budget_s)}"
-    console.note(f"{several(len(todo), 'run')} to train, about {duration(cost)}{time}")
+    left_s = _LONGEST_S if means.ends is None else means.ends - time.monotonic()
+    if left_s <= 0.0:
+        console.note("the page alone takes all of the --budget; nothing is trained")
+        return 0
+    stop = "" if means.ends is None else f", stopped after {duration(left_s)}: the page comes after"
+    console.note(f"{several(len(todo), 'run')} to train, about {duration(cost)}{stop}")
     delete_leftovers(looked_up.own)
     watched = [
         Watched(
@@ -88,7 +93,7 @@ def train_missing(
         for each in todo
     ]
     with graceful_stop() as control, Watch(watched, control) as watch:
-        clock = threading.Timer(means.budget_s or _LONGEST_S, control.ask)
+        clock = threading.Timer(left_s, control.ask)
         clock.daemon = True
         clock.start()
         try:
