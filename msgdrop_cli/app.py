@@ -9,33 +9,15 @@ import os
 import shlex
 import sys
 import traceback
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
-from typing import Annotated
+from importlib import import_module
+from typing import Annotated, Any
 
 import typer
+from typer.core import TyperGroup
 
 from msgdrop_cli import __version__
-from msgdrop_cli.commands import (
-    ablate,
-    config,
-    diff,
-    doctor,
-    eval,
-    explain,
-    export,
-    import_archives,
-    mirror,
-    plot,
-    publish,
-    replay,
-    reproduce,
-    status,
-    train,
-    unstable_test,
-    verify,
-    watch,
-)
 from msgdrop_cli.commands.parts import console
 from msgdrop_cli.definition.strict import one_line
 from msgdrop_cli.errors import MsgdropError
@@ -43,14 +25,56 @@ from msgdrop_cli.stopping import Stopped
 
 _INTERNAL, _USAGE, _MACHINE, _BROKEN_PIPE = 1, 2, 74, 141
 
+COMMANDS = {
+    **{"ablate": "ablate", "train": "train", "eval": "eval", "unstable-test": "unstable_test"},
+    **{"plot": "plot", "status": "status", "explain": "explain", "config": "config"},
+    **{"publish": "publish", "reproduce": "reproduce", "verify": "verify", "watch": "watch"},
+    **{"replay": "replay", "diff": "diff", "export": "export", "mirror": "mirror"},
+    **{"import": "import_archives", "doctor": "doctor"},
+}
+"""Every command and its file, in the order of the help."""
+
 _LACKS = (
     *("annot allocate memory", "an't allocate memory", "failed to map segment"),
     *("bad_alloc", "can't start new thread", "error return without exception set"),
 )
 """What libraries and Python say for want of memory where it is no MemoryError."""
 
+
+class _Commands(Mapping[str, Any]):
+    """The commands as typer makes them, each loaded when it is asked for.
+
+    So whoever uses one, or presses the TAB key, does not wait for the others.
+    """
+
+    def __getitem__(self, name: str) -> Any:
+        alone = typer.Typer(rich_markup_mode=None, add_completion=False)
+        alone.add_typer(import_module(f"msgdrop_cli.commands.{COMMANDS[name]}").app)
+        made: Any = typer.main.get_command(alone)
+        return made.commands[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(COMMANDS)
+
+    def __len__(self) -> int:
+        return len(COMMANDS)
+
+
+class _Group(TyperGroup):
+    """The program, whose commands are those above."""
+
+    def __init__(self, **settings: Any) -> None:
+        super().__init__(**settings)
+        self.commands: Any = _Commands()
+
+    def list_commands(self, ctx: Any) -> list[str]:
+        """The names alone, without loading a command."""
+        return list(self.commands)
+
+
 app = typer.Typer(
     name="msgdrop",
+    cls=_Group,
     help=(
         "Train, break, compare and check message-dropout in multi-agent reinforcement learning.\n\n"
         "Start with:  msgdrop ablate blockwise-vs-elementwise"
@@ -59,12 +83,6 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     context_settings={"max_content_width": 100, "help_option_names": ["-h", "--help"]},
 )
-_COMMANDS = (
-    *(ablate, train, eval, unstable_test, plot, status, explain, config, publish),
-    *(reproduce, verify, watch, replay, diff, export, mirror, import_archives, doctor),
-)
-for _command in _COMMANDS:
-    app.add_typer(_command.app)
 
 
 @app.callback(invoke_without_command=True)

@@ -1,13 +1,29 @@
-"""What the TAB key offers in each shell, and the runs that it finds."""
+"""What the TAB key offers in each shell, the runs that it finds, and what it does not load."""
 
 import os
+import subprocess
+import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
+import typer
 
 from msgdrop_cli import app
 from msgdrop_cli.commands.parts import completion
 from tests.cli_runs import ROOT
+
+_TELLING = """
+import os, sys
+from msgdrop_cli.__main__ import main
+leave = os._exit
+def tell(code):
+    print(*(name for name, module in sys.modules.items() if module), file=sys.stderr, flush=True)
+    leave(code)
+os._exit = tell
+main()
+"""
+"""The program, which says at its end what it has loaded."""
 
 
 def offered(shell: str, line: str, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -35,6 +51,43 @@ def test_every_shell_is_answered_in_its_own_way(
     """As the scripts of `--install-completion` read it."""
     offered(shell, "msgdrop train --env pursuit", monkeypatch)
     assert capsys.readouterr().out == answer
+
+
+def pressed(line: str) -> tuple[list[str], set[str]]:
+    """What fish is told by a process of its own, and the modules that were loaded for it."""
+    paths = os.pathsep.join(str(ROOT / part) for part in ("", "envs", "ablations"))
+    asked = {"_MSGDROP_COMPLETE": "complete_fish", "_TYPER_COMPLETE_FISH_ACTION": "get-args"}
+    done = subprocess.run(
+        [sys.executable, "-c", _TELLING],
+        env={**os.environ, **asked, "_TYPER_COMPLETE_ARGS": line, "PYTHONPATH": paths},
+        capture_output=True,
+        text=True,
+        timeout=60,
+    )
+    assert done.returncode == 0
+    return done.stdout.splitlines(), set(done.stderr.split())
+
+
+def test_a_help_is_one_line_behind_its_name() -> None:
+    """However long; typer would break it at 80 columns, and fish offer its second half."""
+    offers, loaded = pressed("msgdrop train --set ")
+    assert all(line.count("\t") == 1 for line in offers)
+    assert any(len(line) > 100 for line in offers)
+    assert not [name for name in loaded if name.split(".")[0] == "rich"]
+
+
+def test_a_command_waits_for_no_other() -> None:
+    """The one on the line is loaded alone."""
+    offers, loaded = pressed("msgdrop ablate dropout")
+    assert offers == ["dropout-rate"]
+    found = {name.removeprefix("msgdrop_cli.commands.") for name in loaded}
+    assert found & {*app.COMMANDS.values()} == {"ablate"}
+
+
+def test_a_command_is_called_as_it_is_found() -> None:
+    """By the name that its file gives it, so that no other need be loaded to find it."""
+    group: Any = typer.main.get_command(app.app)
+    assert [group.commands[name].name for name in app.COMMANDS] == [*app.COMMANDS]
 
 
 @pytest.mark.parametrize("command", ["watch", "replay"])
