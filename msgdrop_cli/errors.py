@@ -40,6 +40,11 @@ def nearest(name: str, known: Iterable[str]) -> str:
 
 def closest(name: str, known: Iterable[str]) -> str | None:
     """The known word that was probably meant, if one is near."""
-    names = sorted(known)
+    return next(iter(near(name, known)), None)
+
+
+def near(name: str, known: Iterable[str]) -> list[str]:
+    """Up to three known words that may have been meant, the likeliest first."""
+    names = sorted(set(known))
     begun = [each for each in names if len(name) > 2 and each.startswith(name)]
-    return next(iter(begun or difflib.get_close_matches(name, names, n=1)), None)
+    return (begun or difflib.get_close_matches(name, names))[:3]

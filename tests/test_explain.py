@@ -4,27 +4,49 @@ import json
 import re
 from dataclasses import asdict
 from pathlib import Path
+from typing import get_args
 
 import pytest
 
+from msgdrop_cli.analysis.verdict import Word
+from msgdrop_cli.commands import explain
 from msgdrop_cli.commands.parts import console
 from msgdrop_cli.commands.parts.question_keys import question_keys
+from msgdrop_cli.commands.parts.topics import topics
+from msgdrop_cli.definition.figures import all_figures
 from msgdrop_cli.definition.load import list_definitions, load_definition
 from msgdrop_cli.definition.plan import plan
+from msgdrop_cli.definition.readings import all_readings
 from msgdrop_cli.engine.offers import catalogue
 from msgdrop_cli.errors import DefinitionError
+from msgdrop_cli.messages.encoders import encoders
 from msgdrop_cli.messages.topologies import topologies
+from msgdrop_cli.report.page.content import MEANINGS
 from msgdrop_envs import registry
 from tests.cli_runs import msgdrop
 
 KNOWN = catalogue()
+TOPICS = topics()
+QUESTIONS = [load_definition(name) for name in list_definitions()]
 NAMES = {
     "algorithm": [*KNOWN.algorithms],
     "game": [*KNOWN.environments],
     "channel": [*KNOWN.channels],
     "topology": [*topologies()],
+    "encoder": [*encoders()],
     "question": list_definitions(),
+    "figure": [*all_figures()],
+    "reading": [*all_readings()],
+    "verdict": [*get_args(Word)],
+    "profile": [name for each in QUESTIONS for name in each.profiles],
+    "variant": [name for each in QUESTIONS for name in each.variants],
 }
+
+
+@pytest.fixture(autouse=True)
+def read_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Everything is read from the sources once, not for every name."""
+    monkeypatch.setattr(explain, "topics", lambda: TOPICS)
 
 
 def told(name: str) -> str:
@@ -48,6 +70,41 @@ def test_everything_with_a_name_is_explained(kind: str) -> None:
         topics = json.loads(msgdrop("explain", name, "--json").out)
         assert all(topic["text"] for topic in topics if topic["kind"] == kind)
         assert kind in [topic["kind"] for topic in topics]
+
+
+def test_a_reading_is_explained_by_its_row_of_the_paper() -> None:
+    """What the paper says, how it is read by default, and what the reading sets instead."""
+    said = told("far-sight")
+    assert "far-sight: reading, --reading far-sight Others are seen up to 1.0." in said
+    assert "sets environment.sight=1.0 the paper says others only if the distance" in said
+    assert "read by default D = 0.5, a fifth of the area" in said
+    assert "pay once, as in MADRL. games" in told("capture-once")
+    assert "evaluates at epsilon 0.02" in told("exploring")
+
+
+def test_a_figure_is_explained_by_its_part_of_a_question() -> None:
+    """Its games and claims, not all of the question's."""
+    said = told("figure-4b")
+    assert "a part of dropout-rate: msgdrop ablate figure-4b" in said
+    assert "games pursuit-n8 measures" in said
+
+
+def test_a_verdict_is_explained_in_the_words_of_the_page() -> None:
+    """Those of `msgdrop reproduce`, read without loading them."""
+    for word, meaning in MEANINGS.items():
+        assert told(word).lower() == f"{word}: verdict, what is said of a claim {meaning}.".lower()
+
+
+def test_variants_and_profiles_are_explained_question_by_question() -> None:
+    """What an arm changes, and how much a scale trains."""
+    assert "in broken-links name=dcc-md, rate=0.5" in told("md-0.5")
+    assert "of dropout-rate seeds=2, evaluation_episodes=200" in told("quick")
+
+
+@pytest.mark.parametrize("typed", ["not run", "not-run", "Not_Run"])
+def test_a_word_may_be_spelled_as_it_is_met(typed: str) -> None:
+    """In tables, in JSON, at the beginning of a sentence."""
+    assert told(typed) == told("not run")
 
 
 def test_a_learner_is_explained_with_its_settings_and_the_paper() -> None:
@@ -140,7 +197,7 @@ def test_an_unknown_name_is_told_the_nearest() -> None:
     """In one line; where none is near, how to see them all."""
     said = msgdrop("explain", "ratee")
     assert (said.code, said.out) == (2, "")
-    assert said.err.endswith("nothing is called 'ratee'; did you mean 'rate'?\n")
+    assert said.err.endswith("nothing is called 'ratee'; did you mean 'rate' or 'trace'?\n")
     said = msgdrop("explain", "x" * 900)
     assert said.err.endswith("; msgdrop explain lists what there is\n")
     assert len(said.err.splitlines()) == 1

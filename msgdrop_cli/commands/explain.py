@@ -6,22 +6,28 @@ from typing import Annotated
 import typer
 
 from msgdrop_cli.commands.parts import completion, console, options
-from msgdrop_cli.commands.parts.topics import Topic, topics
-from msgdrop_cli.errors import DefinitionError, closest
+from msgdrop_cli.commands.parts.topic import Topic, spelled
+from msgdrop_cli.commands.parts.topics import topics
+from msgdrop_cli.errors import DefinitionError, near
 
 app = typer.Typer()
 
 
 @app.command(
-    epilog=options.examples("explain dcc-md", "explain toml   (a file to start a question from)")
+    epilog=options.examples(
+        "explain dcc-md",
+        "explain under-specified",
+        "explain toml   (a file to start a question from)",
+    )
 )
 def explain(
     name: Annotated[
         str | None,
         typer.Argument(
             metavar="[NAME]",
-            help="An algorithm, a game, a setting, a question, a metric, a key; `toml` for all keys"
-            " of a question's file; leave it out to list what there is.",
+            help="A word that msgdrop uses: an algorithm, a game, a setting, a question, a figure,"
+            " a reading, a verdict; `toml` for all keys of a question's file; leave it out to list"
+            " what there is.",
             autocompletion=completion.topics,
         ),
     ] = None,
@@ -31,10 +37,11 @@ def explain(
     known = topics()
     if name is None:
         return _list(known, json)
-    found = [topic for topic in known if name in topic.calls]
+    found = [topic for topic in known if spelled(name) in map(spelled, topic.calls)]
     if not found:
-        near = closest(name[:64], [each for topic in known for each in topic.calls])
-        hint = f"did you mean {near!r}?" if near else "msgdrop explain lists what there is"
+        close = near(name.lower()[:64], [each for topic in known for each in topic.calls])
+        meant = f"did you mean {' or '.join(map(repr, close))}?"
+        hint = meant if close else "msgdrop explain lists what there is"
         raise DefinitionError(f"nothing is called {name[:64]!r}; {hint}")
     if json:
         console.result_json([_as_json(topic) for topic in found])

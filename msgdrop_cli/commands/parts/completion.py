@@ -76,10 +76,10 @@ def runs() -> list[str]:
 
 
 def topics() -> list[str]:
-    """What `explain` takes."""
+    """What `explain` takes; shells part words at spaces."""
     from msgdrop_cli.commands.parts.topics import topics
 
-    return list(dict.fromkeys(name for topic in topics() for name in topic.names))
+    return list(dict.fromkeys(n.replace(" ", "-") for topic in topics() for n in topic.names))
 
 
 def _question(context: typer.Context) -> str | None:

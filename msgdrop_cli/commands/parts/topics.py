@@ -8,43 +8,19 @@ from itertools import chain
 from typing import NamedTuple
 
 from msgdrop_cli.commands.parts import sources, vocabulary
+from msgdrop_cli.commands.parts.asked_topics import asked_topics
 from msgdrop_cli.commands.parts.question_keys import Key, question_file, question_keys
 from msgdrop_cli.commands.parts.sources import Module, notation
+from msgdrop_cli.commands.parts.topic import Fact, Topic, sentence
 from msgdrop_cli.commands.parts.vocabulary import Section
 from msgdrop_cli.definition.channel import LINKS, NAMED, WORDS, Channel
-from msgdrop_cli.definition.load import list_definitions, load_definition
 from msgdrop_cli.definition.shipped import PAPER, shipped_file
 
-_CHANNELS, _TOPOLOGIES = "msgdrop_cli.channels", "msgdrop_cli.messages.topologies"
+_CHANNELS = "msgdrop_cli.channels"
 _METRIC = ("count", "per", "scale", "better", "meaning")
 """The fields of `Metric` in their order."""
 _TRAINING = "spec"
 """The file of the settings that every run has."""
-
-
-class Fact(NamedTuple):
-    """One line of a topic."""
-
-    name: str
-    value: str
-    meaning: str = ""
-
-
-class Topic(NamedTuple):
-    """One thing that can be explained."""
-
-    kind: str
-    names: tuple[str, ...]
-    """What it is called."""
-    where: str
-    """Where it stands, or whose it is."""
-    text: str
-    facts: tuple[Fact, ...] = ()
-
-    @property
-    def calls(self) -> list[str]:
-        """What it may be called by: its names, and the last parts of those that are paths."""
-        return [call for name in self.names for call in (name, name.rpartition(".")[2])]
 
 
 class _Sizes(NamedTuple):
@@ -61,14 +37,16 @@ def topics() -> list[Topic]:
     learners, games = vocabulary.algorithms(), vocabulary.environments()
     sections = [vocabulary.training(), *learners, *games]
     sizes, keys = list(_sizes(learners, games)), list(question_keys())
+    ruled = [(game, sources.module(game.package, "rules")) for game in games]
     return [
         *chain.from_iterable(_algorithms(section, sizes) for section in learners),
-        *chain.from_iterable(_games(section, sizes) for section in games),
+        *chain.from_iterable(_games(*each, sizes) for each in ruled),
         *chain.from_iterable(_settings(each, sizes) for each in sections),
         *_channels(),
-        *(_topology(module) for module in sources.modules(_TOPOLOGIES)),
-        *chain.from_iterable(map(_metrics, games)),
-        *map(_question, list_definitions()),
+        *_parts("topology", "msgdrop_cli.messages.topologies"),
+        *_parts("encoder", "msgdrop_cli.messages.encoders"),
+        *chain.from_iterable(_metrics(*each) for each in ruled),
+        *asked_topics(keys),
         Topic("file", ("toml",), "a question with every key", question_file(keys)),
         *map(_key, keys),
     ]
@@ -88,8 +66,7 @@ def _algorithms(section: Section, sizes: Sequence[_Sizes]) -> Iterator[Topic]:
         yield Topic("algorithm", (named.name,), where, text, facts)
 
 
-def _games(section: Section, sizes: Sequence[_Sizes]) -> Iterator[Topic]:
-    rules = sources.module(section.package, "rules")
+def _games(section: Section, rules: Module, sizes: Sequence[_Sizes]) -> Iterator[Topic]:
     metrics = [Fact(name, _formula(each)) for name, each in _metric_table(rules).items()]
     for named in section.named:
         changes = dict(named.changes)
@@ -130,34 +107,21 @@ def _channels() -> Iterator[Topic]:
         yield Topic("channel", (kind,), f"--channel {typed}", text, facts)
     for word, share in WORDS.items():
         channel = Channel(LINKS, (share,))
-        yield Topic(
-            "channel", (word,), f"--channel {channel.key}", f"{channel.label}.".capitalize()
-        )
+        yield Topic("channel", (word,), f"--channel {channel.key}", sentence(channel.label))
     for name, key in NAMED.items():
         yield Topic("channel", (name,), f"--channel {key}", "A channel with a name of its own.")
 
 
-def _topology(module: Module) -> Topic:
-    where = f"--set algorithm.topology={module.name}"
-    return Topic("topology", (module.name,), where, module.docstring)
+def _parts(setting: str, package: str) -> Iterator[Topic]:
+    """What a setting of learners that is a file's name can be."""
+    for module in sources.modules(package):
+        where = f"--set algorithm.{setting}={module.name}"
+        yield Topic(setting, (module.name,), where, module.docstring)
 
 
-def _metrics(section: Section) -> Iterator[Topic]:
-    for name, formula in _metric_table(sources.module(section.package, "rules")).items():
+def _metrics(section: Section, rules: Module) -> Iterator[Topic]:
+    for name, formula in _metric_table(rules).items():
         yield Topic("metric", (name,), f"of {_game(section)}", _formula(formula))
-
-
-def _question(name: str) -> Topic:
-    asked = load_definition(name)
-    claims = dict.fromkeys(claim.says for claim in asked.claims)
-    facts = (
-        Fact("games", ", ".join(asked.environments)),
-        Fact("channels", ", ".join(each.short for each in asked.channels)),
-        Fact("profiles", ", ".join(asked.profiles)),
-        *(Fact(f"variant {known}", arm.label) for known, arm in asked.variants.items()),
-        *(Fact(f"claim {number}", says) for number, says in enumerate(claims, start=1)),
-    )
-    return Topic("question", (name,), asked.source, f"{asked.title}: {asked.question}", facts)
 
 
 def _key(key: Key) -> Topic:
