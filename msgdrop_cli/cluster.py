@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any
 
 from msgdrop_cli import __version__
 from msgdrop_cli.definition.strict import one_line
-from msgdrop_cli.errors import DefinitionError, RecordError, RunError
+from msgdrop_cli.errors import DefinitionError, RecordError, RunError, to_install
 from msgdrop_cli.records.files import TEMPORARY, run_lock
 from msgdrop_cli.records.outcome import Outcome
 from msgdrop_cli.records.store import set_status
@@ -101,7 +101,7 @@ def connected(where: str, tls: Sequence[Path] = ()) -> Iterator["Client"]:
     try:
         from distributed import Client, LocalCluster
     except ImportError as error:
-        raise RunError("--cluster needs Dask: pip install 'msgdrop[dask]'") from error
+        raise RunError(f"--cluster needs Dask; {to_install('dask')}") from error
     logging.getLogger("distributed").setLevel(_QUIET)
     security = _security(tls) if tls else None
     if where.startswith(_LOCAL):

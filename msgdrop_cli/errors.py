@@ -30,6 +30,11 @@ class RecordError(MsgdropError):
         self.exit_code = exit_code
 
 
+def to_install(extra: str) -> str:
+    """What brings an optional part: no package index has msgdrop, so it is typed in a checkout."""
+    return f"in msgdrop's checkout: pip install -c constraints.txt -e '.[{extra}]'"
+
+
 def nearest(name: str, known: Iterable[str]) -> str:
     """The tail of an error message that names the nearest known word, or all of them."""
     names = sorted(known)

@@ -18,6 +18,7 @@ from msgdrop_cli.definition.channel import NONE_BROKEN, Channel
 from msgdrop_cli.engine.episode import Episode, Frame, Link, _links, play_episode
 from msgdrop_cli.engine.evaluation import evaluate
 from msgdrop_cli.engine.run import train_cohort
+from msgdrop_cli.errors import to_install
 from msgdrop_cli.report.replay import _ffmpeg, moving_picture, page
 from msgdrop_envs import autoreset, registry
 from msgdrop_envs.drawing import BLUE, Disc
@@ -152,7 +153,7 @@ def test_without_ffmpeg_a_film_is_refused(
     monkeypatch.setitem(sys.modules, "imageio_ffmpeg", None)
     said = msgdrop("replay", run, "--mp4", tmp_path / "a.mp4")
     assert said.code == 2
-    assert "pip install 'msgdrop[video]'" in said.err.splitlines()[-1]
+    assert to_install("video") in said.err.splitlines()[-1]
     assert not list(tmp_path.iterdir())
 
 

@@ -4,6 +4,7 @@ import csv
 import hashlib
 import io
 import json
+import re
 import sys
 from pathlib import Path
 from typing import Any
@@ -13,7 +14,7 @@ import pytest
 
 from msgdrop_cli.analysis.summary import summarise
 from msgdrop_cli.commands.export import _FORMATS
-from msgdrop_cli.errors import DefinitionError, RecordError
+from msgdrop_cli.errors import DefinitionError, RecordError, to_install
 from msgdrop_cli.records.store import RunRecord
 from msgdrop_cli.report.export import FORMATS, export_files
 from msgdrop_cli.report.write import Folder, write_folder
@@ -104,7 +105,7 @@ def test_parquet_says_what_it_needs(
 ) -> None:
     """Without pyarrow it is one line with the command."""
     monkeypatch.setitem(sys.modules, "pyarrow", None)
-    with pytest.raises(DefinitionError, match=r"pip install 'msgdrop\[parquet\]'"):
+    with pytest.raises(DefinitionError, match=re.escape(to_install("parquet"))):
         exported(records, "parquet")
 
 

@@ -12,6 +12,7 @@ from typing import Any
 
 import pytest
 
+from msgdrop_cli.errors import to_install
 from msgdrop_cli.records.files import append_jsonl, cut_jsonl
 from msgdrop_cli.records.store import RunRecord, list_runs
 from msgdrop_cli.report import mirrors
@@ -133,7 +134,7 @@ def test_what_is_not_installed_is_named(
     monkeypatch.setenv("TRACKIO_DIR", str(tmp_path))
     said = msgdrop("mirror", tmp_path, "--to", package)
     assert said.code == 2
-    assert f"pip install 'msgdrop[{package}]'" in said.err
+    assert to_install(package) in said.err
     assert "did you mean 'wandb'?" in msgdrop("mirror", "--to", "wand").err
 
 

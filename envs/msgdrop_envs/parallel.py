@@ -21,7 +21,8 @@ try:
     from gymnasium.spaces import Box, Discrete
     from pettingzoo import ParallelEnv
 except ImportError as error:
-    raise ImportError(f"{error}; run: pip install 'msgdrop[pettingzoo]'") from error
+    hint = "in msgdrop's checkout: pip install -c constraints.txt -e '.[pettingzoo]'"
+    raise ImportError(f"{error}; {hint}") from error
 
 RENDER_MODES = ("human", "rgb_array", "ansi")
 ByAgent = dict[str, Any]

@@ -10,7 +10,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
-from msgdrop_cli.errors import DefinitionError
+from msgdrop_cli.errors import DefinitionError, to_install
 
 if TYPE_CHECKING:
     from msgdrop_cli.records.store import RunRecord
@@ -140,7 +140,7 @@ def _needed(package: str) -> Any:
         return import_module(package)
     except ImportError:
         problem = f"--to {package}: is not installed"
-        raise DefinitionError(f"{problem}; pip install 'msgdrop[{package}]'") from None
+        raise DefinitionError(f"{problem}; {to_install(package)}") from None
 
 
 def _began(record: "RunRecord") -> float:

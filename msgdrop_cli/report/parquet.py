@@ -2,7 +2,7 @@
 
 import io
 
-from msgdrop_cli.errors import DefinitionError
+from msgdrop_cli.errors import DefinitionError, to_install
 from msgdrop_cli.report.tidy import Columns
 
 
@@ -12,8 +12,8 @@ def parquet_bytes(columns: Columns) -> bytes:
         import pyarrow
         import pyarrow.parquet
     except ImportError as error:
-        problem = "Parquet needs pyarrow: pip install 'msgdrop[parquet]'; csv has the same tables"
-        raise DefinitionError(problem) from error
+        problem = "Parquet needs pyarrow (csv has the same tables)"
+        raise DefinitionError(f"{problem}; {to_install('parquet')}") from error
     buffer = io.BytesIO()
     pyarrow.parquet.write_table(pyarrow.table(columns), buffer)
     return buffer.getvalue()

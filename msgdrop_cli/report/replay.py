@@ -10,7 +10,7 @@ from typing import Any
 
 import msgdrop_cli.report
 from msgdrop_cli.definition.strict import one_line
-from msgdrop_cli.errors import DefinitionError, RunError
+from msgdrop_cli.errors import DefinitionError, RunError, to_install
 from msgdrop_cli.signals import scratch_folder
 
 _SIDE, _STRIP = 360, 16
@@ -103,7 +103,7 @@ def _ffmpeg() -> str:
 
         theirs: str = get_ffmpeg_exe()
     except (ImportError, RuntimeError):
-        hint = "install ffmpeg, or pip install 'msgdrop[video]'; --gif needs neither"
+        hint = f"--gif needs none; install it, or {to_install('video')}"
         raise DefinitionError(f"--mp4: there is no ffmpeg; {hint}") from None
     return theirs
 
