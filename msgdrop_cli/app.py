@@ -6,6 +6,7 @@ shown only if MSGDROP_TRACEBACK=1 asks for it.
 
 import errno
 import os
+import re
 import shlex
 import sys
 import traceback
@@ -39,6 +40,9 @@ _LACKS = (
     *("bad_alloc", "can't start new thread", "error return without exception set"),
 )
 """What libraries and Python say for want of memory where it is no MemoryError."""
+
+_BAD_VALUE = re.compile(r"Invalid value for '(--[a-z0-9-]+)[^']*': ")
+"""How typer begins what is said of an option's value; ours begins with the option."""
 
 
 class _Commands(Mapping[str, Any]):
@@ -132,7 +136,8 @@ def _unexpected(error: Exception) -> int:
     """An error of the command line's words (2), of the machine (74), or of ours (1)."""
     if hasattr(error, "format_message"):  # typer's own; their class moved between its versions
         path = getattr(getattr(error, "ctx", None), "command_path", "msgdrop")
-        return _failed(f"{error.format_message().rstrip('.')} (see {path} --help)", _USAGE)
+        said = _BAD_VALUE.sub(r"\1: ", error.format_message()).rstrip(".")
+        return _failed(f"{said} (see {path} --help)", _USAGE)
     if os.environ.get("MSGDROP_TRACEBACK") == "1":
         console.note(traceback.format_exc().rstrip())
     if isinstance(error, OSError) and error.errno in (errno.ENOSPC, errno.EDQUOT, errno.EIO):

@@ -176,9 +176,9 @@ def test_a_channel_goes_from_the_command_line_to_the_table(store: Store, tmp_pat
 @pytest.mark.parametrize(
     ("channel", "message"),
     [
-        ("coi:0.3", "no channel is called 'coi'; did you mean 'coin'?"),
-        ("coin", "channel coin: expected coin:RATE (coin:0.3)"),
-        ("coin:3", "channel coin:3: rate must lie between 0 and 1, not 3.0"),
+        ("coi:0.3", "--channel: no channel is called 'coi'; did you mean 'coin'?"),
+        ("coin", "--channel: coin: expected coin:RATE (coin:0.3)"),
+        ("coin:3", "--channel: coin:3: rate must lie between 0 and 1, not 3.0"),
         ("coin:", "--channel: expected none, half, all, a share"),
     ],
 )
@@ -232,7 +232,8 @@ def test_a_definition_asks_for_channels(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("line", "message"),
     [
-        ('channels = ["none", "coi:0.3"]', "no channel is called 'coi'; did you mean 'coin'?"),
+        ('channels = ["none", "coi:0.3"]',
+         "channels: no channel is called 'coi'; did you mean 'coin'?"),
         ('channels = ["none", "links:0"]', "expected at least one channel, each only once"),
         ("channels = []", "expected at least one channel, each only once"),
         ("channels = 0.5", "channels: expected a list [a channel, ...], not 0.5"),

@@ -131,7 +131,9 @@ def test_a_bad_override_is_one_clear_line(override: str, message: str) -> None:
 
 def test_an_unknown_profile_gets_the_nearest() -> None:
     """The file and the profile that was meant are named."""
-    assert refusal("quik") == ("sample.toml: no profile is called 'quik'; did you mean 'quick'?")
+    assert refusal("quik") == (
+        "--profile: no profile of sample.toml is called 'quik'; did you mean 'quick'?"
+    )
 
 
 def test_an_unknown_environment_gets_the_nearest() -> None:

@@ -240,8 +240,8 @@ def test_the_channel_of_training_is_typed_like_any_setting(tmp_path: Path) -> No
 @pytest.mark.parametrize(
     ("line", "message"),
     [
-        (("noise:1",), "training.channel: noise:1 changes the numbers of messages, which is for"),
-        (("los:1",), "no channel is called 'los'; did you mean 'loss'?"),
+        (("noise:1",), "--channel: noise:1 changes the numbers of messages, which is for"),
+        (("los:1",), "--channel: no channel is called 'los'; did you mean 'loss'?"),
         (("trace:links.csv",), "--channel: "),
         (("half", "--set", "training.channel=half"), "--set training.channel has an option of its"),
     ],

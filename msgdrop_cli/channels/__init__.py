@@ -147,6 +147,6 @@ def kinds() -> dict[str, type[Any]]:
 
 
 def kind_of(channel: Channel) -> Kind:
-    """What a channel does. Raises DefinitionError: an unknown kind, or settings that do not fit."""
+    """What a channel does. Raises ValueError: an unknown kind, or settings that do not fit."""
     kind: Kind = build_channel(channel, kinds())
     return kind

@@ -6,7 +6,8 @@ from typing import Annotated
 import typer
 
 from msgdrop_cli.commands.parts import completion, console, options, sources, vocabulary
-from msgdrop_cli.commands.train import PROFILES
+from msgdrop_cli.commands.parts.typed import as_typed
+from msgdrop_cli.commands.train import PROFILES, check_profile
 from msgdrop_cli.definition.load import load_definition
 from msgdrop_cli.definition.plan import ad_hoc_definition, plan
 from msgdrop_cli.definition.spec import Definition, record_name
@@ -68,9 +69,10 @@ def config(
         raise DefinitionError(f"config: expected {_SHOW}, not {action[:40]!r}")
     if name is not None and algorithm is not None:
         raise DefinitionError("--algorithm is for train; of a question choose a --variant")
-    rows = _rows(
-        _question(name, env, algorithm, profile), env, variant, profile, overrides, readings
-    )
+    with as_typed():
+        rows = _rows(
+            _question(name, env, algorithm, profile), env, variant, profile, overrides, readings
+        )
     if json:
         console.result_json(rows)
         return 0
@@ -90,8 +92,7 @@ def _question(
     if name is not None:
         return load_definition(name)
     scale = profile or "quick"
-    if scale not in PROFILES:
-        raise DefinitionError(f"no profile is called {scale[:64]!r}; {nearest(scale, PROFILES)}")
+    check_profile(scale)
     names = [algorithm or "dcc-md"]
     return ad_hoc_definition(env or "pursuit-n6", names, scale, PROFILES[scale])
 

@@ -30,12 +30,11 @@ def evaluate(
     RESULTS is a folder (default: results). Published policies are used if the folder holds no
     others. Episodes that your own runs have are not played again.
     """
-    asked = [words.channel(broken_links, "--broken-links")]
-    asked += [words.channel(each, "--channel") for each in channel or ()]
-    options.check_channels(asked)
     options.check_workers(workers)
     options.check_episodes(episodes)
     options.check_device_name(device)
+    asked = [words.channel(broken_links, "--broken-links")]
+    asked += [words.channel(each, "--channel") for each in channel or ()]
     from msgdrop_cli.commands.parts.measure import measure  # after the quick checks
 
     return measure(

@@ -9,7 +9,8 @@ from typing import Annotated
 import typer
 
 from msgdrop_cli.commands.parts import completion, options, settings, words
-from msgdrop_cli.definition.plan import ad_hoc_definition
+from msgdrop_cli.commands.parts.typed import as_typed
+from msgdrop_cli.definition.plan import AD_HOC, ad_hoc_definition
 from msgdrop_cli.definition.spec import Definition, Profile, is_factory
 from msgdrop_cli.errors import DefinitionError, nearest
 
@@ -99,9 +100,7 @@ def train(
         dry_run=dry_run,
         json=json,
     )
-    if profile not in PROFILES:
-        known = nearest(profile[:64], PROFILES)
-        raise DefinitionError(f"no profile is called {profile[:64]!r}; {known}")
+    check_profile(profile)
     options_of = {"algorithm.rate": rate, "training.train_env_steps": steps}
     _check_said_once(checked.overrides, {**options_of, "training.channel": channel})
     asked = [] if rate is None else [f"algorithm.rate={words.share(rate, '--rate')}"]
@@ -111,12 +110,30 @@ def train(
         raise DefinitionError(f"--steps: expected at least 1, not {steps}")
     if is_factory(env) and checked.device != "cpu":
         raise DefinitionError("--device: games of other people are played with --device cpu")
-    definition = _definition(env, algorithm, profile, rate, steps)
-    if settings.HELP in checked.overrides:
-        return settings.show_settings(definition, checked, as_json=json)
-    from msgdrop_cli.commands.parts.carry_out import carry_out  # after the quick checks
+    with as_typed(_own_options(rate, channel, steps)):
+        definition = _definition(env, algorithm, profile, rate, steps)
+        if settings.HELP in checked.overrides:
+            return settings.show_settings(definition, checked, as_json=json)
+        from msgdrop_cli.commands.parts.carry_out import carry_out  # after the quick checks
 
-    return carry_out(definition, checked)
+        return carry_out(definition, checked)
+
+
+def _own_options(rate: object, channel: object, steps: object) -> dict[str, str]:
+    """What the options that are given stand for, as places in errors, and their names."""
+    given = (
+        (rate, "--set: algorithm.rate", "--rate"),
+        (channel, "--set: training.channel", "--channel"),
+        (steps, f"{AD_HOC}: profiles", "--steps"),
+    )
+    return {place: option for value, place, option in given if value is not None}
+
+
+def check_profile(name: str) -> None:
+    """Refuse (DefinitionError) a scale that `train` has not."""
+    if name not in PROFILES:
+        known = nearest(name[:64], PROFILES)
+        raise DefinitionError(f"--profile: none is called {name[:64]!r}; {known}")
 
 
 def _through(channel: str) -> str:
@@ -124,7 +141,6 @@ def _through(channel: str) -> str:
     asked = words.channel(channel, "--channel")
     if asked.file is not None:
         raise DefinitionError("--channel: a recorded trace is for eval")
-    options.check_channels([asked])
     return asked.key
 
 

@@ -64,16 +64,15 @@ def unstable_test(
         from msgdrop_cli.commands.parts.show_links import show_links  # after the quick checks
 
         return show_links(results, as_json=json)
-    swept = None if sweep is None else Sweep.read(sweep, "--sweep")
-    asked = [words.channel(each, "--channel") for each in channel or ()]
-    asked += map(Channel.read, _MATRIX if matrix else ())
-    options.check_channels(swept.channels if swept else asked)
-    if swept is not None:
+    if sweep is not None:
+        swept = _swept(sweep)
         from msgdrop_cli.commands.parts.show_sweep import show_sweep  # after the quick checks
 
         return show_sweep(
             results, swept, episodes=episodes, workers=workers, device=device, as_json=json
         )
+    asked = [words.channel(each, "--channel") for each in channel or ()]
+    asked += map(Channel.read, _MATRIX if matrix else ())
     from msgdrop_cli.commands.parts.measure import measure
 
     question = load_definition(_QUESTION)
@@ -86,3 +85,13 @@ def unstable_test(
         as_json=json,
         question=question,
     )
+
+
+def _swept(text: str) -> Sweep:
+    """The channels of a range; DefinitionError, naming the option, where one cannot be."""
+    swept = Sweep.read(text, "--sweep")
+    try:
+        words.check_kinds(swept.channels)
+    except ValueError as error:
+        raise DefinitionError(f"--sweep: {error}") from error
+    return swept

@@ -4,7 +4,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields
 from typing import Any
 
-from msgdrop_cli.definition.spec import FOREIGN, TrainingSpec, is_factory
+from msgdrop_cli.definition.spec import FOREIGN, RunSpec, TrainingSpec, is_factory
 from msgdrop_cli.errors import DefinitionError, nearest
 
 
@@ -52,6 +52,8 @@ class Catalogue:
     channels: Mapping[str, type[Any]]
     """Kind to its dataclass, whose fields are the settings."""
     foreign: ForeignGames | None = None
+    check_channel: Callable[[RunSpec, str], None] | None = None
+    """DefinitionError, beginning with a place, for a run whose training its channel refuses."""
 
     def environment(self, name: str) -> Any:
         """The Config of the paper's setting `name`, or of what the factory `name` makes.

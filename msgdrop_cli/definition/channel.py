@@ -16,7 +16,7 @@ from typing import Any, Literal, get_args
 
 from msgdrop_cli.definition.strict import number, shown
 from msgdrop_cli.definition.traces import TraceFile
-from msgdrop_cli.errors import DefinitionError, nearest
+from msgdrop_cli.errors import nearest
 
 LINKS = "links"
 """The paper's kind, broken links (l. 519-541): a share alone means it, and so do old records."""
@@ -240,24 +240,24 @@ def check_each_once(channels: Sequence[Channel]) -> None:
 def build_channel(channel: Channel, kinds: Mapping[str, type[Any]]) -> Any:
     """What the channel does: an object of its kind's dataclass, whose fields are the settings.
 
-    Raises DefinitionError: an unknown kind, or settings that it does not take.
+    Raises ValueError: an unknown kind, or settings that it does not take; the caller knows where.
     """
     if channel.kind in NAMED:
-        raise DefinitionError(f"channel {channel.key}: {channel.kind} takes no settings")
+        raise ValueError(f"{channel.key}: {channel.kind} takes no settings")
     if channel.kind not in kinds:
         known = nearest(channel.kind, [*WORDS, *NAMED, *kinds])
-        raise DefinitionError(f"no channel is called {channel.kind!r}; {known}")
+        raise ValueError(f"no channel is called {channel.kind!r}; {known}")
     kind = kinds[channel.kind]
     names = [field.name for field in fields(kind)]
     settings = channel.settings if channel.file is None else (channel.file,)
     if len(names) != len(settings):
         takes = ":" * bool(names) + ",".join(names).upper()
         example = Channel(channel.kind, kind.example).key
-        raise DefinitionError(f"channel {channel.key}: expected {channel.kind}{takes} ({example})")
+        raise ValueError(f"{channel.key}: expected {channel.kind}{takes} ({example})")
     try:
         return kind(*settings)
     except ValueError as error:
-        raise DefinitionError(f"channel {channel.key}: {error}") from error
+        raise ValueError(f"{channel.key}: {error}") from error
 
 
 def _digits(value: float) -> str:

@@ -38,6 +38,8 @@ from msgdrop_cli.definition.spec import (
 from msgdrop_cli.definition.strict import Where, overlay, parse, shallow, shown, whole_number
 from msgdrop_cli.errors import DefinitionError, nearest
 
+AD_HOC = "msgdrop train"
+"""The file that a question is of which no file asks."""
 _EPSILON = "epsilon_anneal_env_steps"
 """The field of a learner that explores less and less."""
 _MOST_SEEDS = 1_000
@@ -82,8 +84,8 @@ def plan(
     """
     where = Where(definition.file)
     if profile not in definition.profiles:
-        known = nearest(profile[:64], definition.profiles)
-        raise where.error(f"no profile is called {profile[:64]!r}; {known}")
+        problem = f"no profile of {definition.file} is called {profile[:64]!r}"
+        raise Where("--profile").error(f"{problem}; {nearest(profile[:64], definition.profiles)}")
     chosen = definition.profiles[profile]
     if seeds is None:
         numbers = _checked_seeds(chosen.seeds, where.at("profiles").at(profile).at("seeds"))
@@ -123,12 +125,13 @@ def ad_hoc_definition(
     Raises DefinitionError for a name that cannot be one or is listed twice; `plan` checks whether
     they exist.
     """
-    where = Where("msgdrop train")
-    for name in (record_name(environment), *algorithms):
-        if not NAME.fullmatch(name):
-            raise where.error(f"{shown(name)} is not a name")
+    where = Where(AD_HOC)
+    for key, names in (("environments", (record_name(environment),)), ("variants", algorithms)):
+        for name in names:
+            if not NAME.fullmatch(name):
+                raise where.at(key).error(f"{shown(name)} is not a name")
     if not algorithms or len(set(algorithms)) < len(algorithms):
-        raise where.error("expected at least one algorithm, each only once")
+        raise where.at("variants").error("expected at least one algorithm, each only once")
     return Definition(
         name="train",
         file=where.file,
@@ -181,8 +184,8 @@ def _checked_channels(
     for channel in channels:
         try:
             build_channel(channel, catalogue.channels)
-        except DefinitionError as error:
-            raise where.error(str(error)) from None
+        except ValueError as error:
+            raise where.at("channels").error(str(error)) from None
     return channels
 
 
@@ -245,6 +248,9 @@ class Resolver:
             training=self._resolved(TrainingSpec, "training", variant, training),
             seed=seed,
         )
+        if spec.training.channel != NONE_BROKEN.key and self.catalogue.check_channel:
+            place = self.origins["training.channel"].at("channel")
+            self.catalogue.check_channel(spec, str(place))
         return PlannedRun(
             run_id=run_id(spec),
             variant=variant,

@@ -8,6 +8,7 @@ Letters: `R` runs, `E` games, `K` all other agents.
 import torch
 from torch import Tensor
 
+from msgdrop_cli.algorithms.learner import LearnerFactory
 from msgdrop_cli.channels import LOST, Kind
 from msgdrop_cli.definition.channel import NONE_BROKEN, Channel
 from msgdrop_cli.engine.randomness import Streams
@@ -75,7 +76,7 @@ class LostMessages:
 
 
 def lost_messages_of(
-    text: str, env: Environment, streams: Streams, games: int
+    text: str, env: Environment, learner: LearnerFactory, streams: Streams, games: int
 ) -> LostMessages | None:
     """What is lost or late in training through the channel that is called so; None if nothing is.
 
@@ -84,10 +85,22 @@ def lost_messages_of(
     channel = Channel.read(text)
     if channel == NONE_BROKEN:
         return None
-    kind = kind_in(channel, env, "training.channel")
-    if why := _refusal(kind, channel, env.observation_size):
-        raise DefinitionError(f"training.channel: {channel.key} {why}, which is for eval")
+    kind = training_kind(text, env, learner, "training.channel")
     return LostMessages(kind, channel.hold, env, streams, games)
+
+
+def training_kind(text: str, env: Environment, learner: LearnerFactory, said: str) -> Kind:
+    """What the channel that is called so does in training.
+
+    Raises DefinitionError, beginning with `said`, for one that training cannot go through.
+    """
+    channel = Channel.read(text)
+    kind = kind_in(channel, env, said)
+    if not learner.listens:
+        raise DefinitionError(f"{said}: these agents hear nobody when they act")
+    if why := _refusal(kind, channel, env.observation_size):
+        raise DefinitionError(f"{said}: {channel.key} {why}, which is for eval")
+    return kind
 
 
 def _refusal(kind: Kind, channel: Channel, size: int) -> str | None:

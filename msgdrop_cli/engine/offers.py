@@ -5,12 +5,13 @@ from functools import cache
 from importlib import resources
 from typing import Any
 
-from msgdrop_cli.algorithms.discovery import learners
+from msgdrop_cli.algorithms.discovery import learner_class, learners
 from msgdrop_cli.channels import kinds
 from msgdrop_cli.definition.catalogue import Catalogue, ForeignGames, NamedAlgorithm, PaperSizes
 from msgdrop_cli.definition.paper import paper_sizes, sizes_in, sizes_of
-from msgdrop_cli.definition.spec import FOREIGN, NAME
+from msgdrop_cli.definition.spec import FOREIGN, NAME, RunSpec
 from msgdrop_cli.definition.strict import Where, convert
+from msgdrop_cli.engine.lost_messages import training_kind
 from msgdrop_cli.errors import DefinitionError
 from msgdrop_envs import foreign, registry
 from msgdrop_envs.foreign.config import Config
@@ -49,7 +50,17 @@ def catalogue() -> Catalogue:
         paper=sizes | paper_sizes(environments, configs),
         channels=kinds(),
         foreign=ForeignGames(config_class=Config, survey=cache(_surveyed)),
+        check_channel=_check_channel,
     )
+
+
+def _check_channel(run: RunSpec, said: str) -> None:
+    """Refuse (DefinitionError, beginning with `said`) a channel that training cannot go through."""
+    try:
+        env = registry.make(run.environment_config, "meta")  # has shapes and takes no memory
+    except (ArithmeticError, RuntimeError, TypeError, ValueError):
+        return  # sizes beyond 64 bits are refused with those of everything else
+    training_kind(run.training.channel, env, learner_class(run.algorithm), said)
 
 
 def _surveyed(factory: str) -> Config:

@@ -10,17 +10,18 @@ from msgdrop_envs.protocol import Environment
 def kind_in(channel: Channel, env: Environment, said: str) -> Kind:
     """What the channel does in this game.
 
-    Raises DefinitionError, beginning with `said`, if the game does not have what it asks for.
+    Raises DefinitionError, beginning with `said`, for a channel that there is not, or if the game
+    does not have what it asks for.
     """
-    kind = kind_of(channel)
+    try:
+        kind = kind_of(channel)
+        kind.check(env.agents)
+    except ValueError as error:
+        raise DefinitionError(f"{said}: {error}") from error
     if channel.epsilon and not env.actions:
         raise DefinitionError(f"{said}: epsilon is for agents that have a choice of actions")
     if kind.needs_positions and not hasattr(env, "places"):
         raise DefinitionError(f"{said}: this game does not say where its agents are")
-    try:
-        kind.check(env.agents)
-    except ValueError as error:
-        raise DefinitionError(f"{said}: {error}") from error
     return kind
 
 

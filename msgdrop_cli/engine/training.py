@@ -14,7 +14,6 @@ from msgdrop_cli.definition.spec import RunSpec
 from msgdrop_cli.engine.lost_messages import lost_messages_of
 from msgdrop_cli.engine.randomness import Streams
 from msgdrop_cli.engine.replay import Replay
-from msgdrop_cli.errors import DefinitionError
 from msgdrop_cli.ops.minibatch import Minibatch
 from msgdrop_envs import autoreset, registry
 
@@ -30,10 +29,9 @@ class Training:
         self.env = registry.make(spec.environment_config, device)
         make = learner_class(spec.algorithm)
         self.learner = make([s.algorithm_config for s in specs], self.env, device)
-        self.lost = lost_messages_of(spec.training.channel, self.env, self.streams, self.games_each)
+        channel = spec.training.channel
+        self.lost = lost_messages_of(channel, self.env, make, self.streams, self.games_each)
         """What a channel loses or delays in training; None if there is none."""
-        if self.lost and not make.listens:
-            raise DefinitionError("training.channel: these agents hear nobody when they act")
         self.replay = Replay(
             runs=self.runs,
             games=self.games_each,

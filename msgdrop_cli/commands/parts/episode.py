@@ -40,7 +40,6 @@ def asked_channel(broken_links: str, channel: str | None) -> AChannel:
         if through != NONE_BROKEN:
             raise DefinitionError("--channel and --broken-links: give one of both")
         through = words.channel(channel, "--channel")
-    options.check_channels([through])
     return through
 
 

@@ -1,6 +1,5 @@
 """The options that several commands share, and the checks that need nothing heavy."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
@@ -8,7 +7,7 @@ from typing import Annotated
 import typer
 
 from msgdrop_cli.commands.parts import completion
-from msgdrop_cli.definition.channel import WORDS, Channel, only_links
+from msgdrop_cli.definition.channel import WORDS
 from msgdrop_cli.definition.load import list_askable
 from msgdrop_cli.definition.plan import parse_seeds
 from msgdrop_cli.definition.spec import MOST_EPISODES, Definition
@@ -246,15 +245,6 @@ def check_device_name(device: str) -> None:
         raise DefinitionError(
             f"--device: {device[:40]!r} is unknown; {nearest(device[:40], _DEVICES)}"
         )
-
-
-def check_channels(channels: Sequence[Channel]) -> None:
-    """Refuse kinds and settings that there are not. Loads torch for any but broken links."""
-    if not only_links(channels):
-        from msgdrop_cli.channels import kind_of
-
-        for channel in channels:
-            kind_of(channel)
 
 
 def check_device(device: str) -> None:

@@ -1,6 +1,8 @@
 """Numbers and short answers as people write them; prints nothing."""
 
-from msgdrop_cli.definition.channel import Channel
+from collections.abc import Sequence
+
+from msgdrop_cli.definition.channel import Channel, only_links
 from msgdrop_cli.definition.strict import number
 from msgdrop_cli.errors import DefinitionError
 
@@ -43,12 +45,24 @@ def several(count: int, word: str) -> str:
 def channel(text: str, option: str) -> Channel:
     """`none`, `half`, `all`, 0.3, 30%, `kind:1,0.5` or `trace:FILE`, which is looked at.
 
-    Raises DefinitionError for anything else.
+    Raises DefinitionError for anything else, and for kinds and settings that there are not; loads
+    torch for any but broken links.
     """
     try:
-        return Channel.read(text).located()
+        asked = Channel.read(text).located()
+        check_kinds([asked])
     except ValueError as error:
         raise DefinitionError(f"{option}: {error}") from error
+    return asked
+
+
+def check_kinds(channels: Sequence[Channel]) -> None:
+    """Refuse (ValueError) kinds and settings that there are not. Loads torch for all but links."""
+    if not only_links(channels):
+        from msgdrop_cli.channels import kind_of
+
+        for each in channels:
+            kind_of(each)
 
 
 def share(text: str, option: str) -> float:
