@@ -61,6 +61,19 @@ def test_a_full_study_gives_every_figure(tmp_path: Path) -> None:
     assert all(path.read_bytes().startswith(begin[path.suffix]) for path in paths)
 
 
+def test_bars_of_other_channels_are_not_called_broken_links(tmp_path: Path) -> None:
+    """One message that comes late is no broken link: neither the file nor the title says so."""
+    records = full_study(tmp_path)
+    for record in records:
+        rows = (record.path / "episodes.jsonl").read_text()
+        late = rows.replace('"broken_links": 1.0', '"channel": "delay:2"')
+        (record.path / "episodes.jsonl").write_text(late)
+    summary = summarise(records)
+    names = [path.name for path in draw_all(summary, Folder(tmp_path / "figures"), suffixes=PNG)]
+    assert "pursuit-n6-quick-1000-channels.png" in names
+    assert not any("broken-links" in name for name in names)
+
+
 def test_same_records_same_bytes(tmp_path: Path) -> None:
     """Drawing again changes no published file."""
     records = full_study(tmp_path)

@@ -14,6 +14,7 @@ from msgdrop_cli.analysis.curves import SMOOTHING_SHARE, Curve, learning_curve
 from msgdrop_cli.analysis.differences import pairs_of, shipped_claims
 from msgdrop_cli.analysis.statistics import total
 from msgdrop_cli.analysis.summary import Group, Summary
+from msgdrop_cli.definition.channel import only_links
 from msgdrop_cli.definition.spec import Claim
 from msgdrop_cli.report.bars import draw_channels
 from msgdrop_cli.report.captions import footer, scale, spread_note
@@ -60,7 +61,7 @@ def draw_all(
                 "learning": draw_learning,
                 "learning-differences": partial(draw_learning_differences, pairs=pairs),
                 "dropout-rate": draw_dropout_rate,
-                "broken-links": draw_channels,
+                _channels_of(summary, group): draw_channels,
                 "matrix": draw_matrix,
                 "differences": partial(draw_differences, pairs=pairs),
             }
@@ -69,6 +70,12 @@ def draw_all(
                 if drawn is not None:
                     paths += drawn.write(folder, f"{file_stem(group)}-{kind}", suffixes)
     return paths
+
+
+def _channels_of(summary: Summary, group: Group) -> str:
+    """What bars side by side are called: the paper's test, or whatever else messages go through."""
+    rows = (row for arm in summary.arms_of(group) for row in arm.rows)
+    return "broken-links" if only_links(row.channel for row in rows) else "channels"
 
 
 def draw_learning(summary: Summary, group: Group) -> Drawn | None:

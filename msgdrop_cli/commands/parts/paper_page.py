@@ -122,7 +122,9 @@ def _belongs(name: str, section: Section, groups: Sequence[Group]) -> bool:
     if "learning" in kind:
         return "learning" in section.measures
     through = any(line.channel for line in section.lines)
-    beside_the_point = kind == "dropout-rate" if through else kind in ("broken-links", "matrix")
+    beside_the_point = (
+        kind == "dropout-rate" if through else kind in ("broken-links", "channels", "matrix")
+    )
     return "evaluation" in section.measures and not beside_the_point
 
 
