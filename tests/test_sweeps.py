@@ -142,6 +142,23 @@ def test_each_link_has_its_worth(store: Store) -> None:
         assert (set(costs) == {0.0}) == (variant == "fdc")
 
 
+def test_links_are_tried_in_as_many_episodes_as_asked(store: Store) -> None:
+    """Another number of them gives another mean; the option is no decoration."""
+    few, more = (
+        json.loads(msgdrop("unstable-test", store.results, "--links", "--json", *asked).out)
+        for asked in (("--episodes", "2"), ("--episodes", "3"))
+    )
+    assert [each["episodes"] for each in (*few, *more)] == [2] * 4 + [3] * 4
+    assert [each["return"] for each in few] != [each["return"] for each in more]
+
+
+def test_links_need_no_workers(store: Store) -> None:
+    """What would do nothing is refused, in one line."""
+    said = msgdrop("unstable-test", store.results, "--links", "--workers", "3")
+    assert (said.code, said.out) == (2, "")
+    assert said.err == "msgdrop: error: --workers: --links plays in one process; leave it out\n"
+
+
 def test_a_small_range_keeps_its_settings() -> None:
     """However small they are."""
     found = Sweep.read("noise:0..1e-30:3", "--sweep")

@@ -1,9 +1,11 @@
 """The worst links, on a policy of which we know whom it needs."""
 
+import pytest
 import torch
 from torch import Tensor
 
 from msgdrop_cli.channels import others
+from msgdrop_cli.engine import worst_links as engine
 from msgdrop_cli.engine.worst_links import without_each, worst_links
 from msgdrop_cli.messages.received import Received
 from msgdrop_envs import registry
@@ -52,3 +54,13 @@ def test_all_links_are_all_links() -> None:
     assert worst_links(act, ENV, 3, 0).sum() == 0
     small = registry.make(registry.settings()["navigation-n8"], "cpu")
     assert worst_links(lambda obs, _: torch.zeros(obs.shape[:3]).long(), small, 1, 99).all()
+
+
+def test_more_episodes_than_fit_side_by_side_are_played_in_turn(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Link by link, of the same games: the same numbers."""
+    none = torch.zeros(28, dtype=torch.bool)
+    together = without_each(act, ENV, 3, none, "cpu", 6)
+    monkeypatch.setattr(engine, "_AT_ONCE", 13)
+    assert without_each(act, ENV, 3, none, "cpu", 6) == together

@@ -18,8 +18,27 @@ _MATRIX = (
     *("silent:1", "delay:1", "delay:5", "loss:0.5+hold:5", "constant", "shuffled", "own"),
 )
 """What `--matrix` evaluates through: losses, broken links, bursts, lateness, and the controls."""
+_EPISODES, _WORKERS = 1_000, 2
+"""Where nobody says how many."""
 
-
+_Episodes = Annotated[
+    int | None,
+    typer.Option(
+        metavar="N",
+        help="Episodes of each policy and channel, or of each link.",
+        show_default="1,000; with --links 64",
+        parser=options.whole,
+    ),
+]
+_Workers = Annotated[
+    int | None,
+    typer.Option(
+        metavar="N",
+        help="Processes that work at the same time.",
+        show_default="2; with --links one",
+        parser=options.whole,
+    ),
+]
 _Swept = Annotated[
     str | None,
     typer.Option(
@@ -45,8 +64,8 @@ def unstable_test(
     sweep: _Swept = None,
     matrix: _Matrix = False,
     links: _Links = False,
-    episodes: options.Episodes = 1_000,
-    workers: options.Workers = 2,
+    episodes: _Episodes = None,
+    workers: _Workers = None,
     device: options.Device = "cpu",
     json: options.Json = False,
 ) -> int:
@@ -55,21 +74,25 @@ def unstable_test(
     RESULTS is a folder (default: results). Published policies are used if the folder holds no
     others. Episodes that your own runs have are not played again.
     """
-    options.check_workers(workers)
-    options.check_episodes(episodes)
+    count = _EPISODES if episodes is None else episodes
+    processes = _WORKERS if workers is None else workers
+    options.check_workers(processes)
+    options.check_episodes(count)
     options.check_device_name(device)
     if (sweep is not None) + bool(channel or matrix) + links > 1:
         raise DefinitionError("expected one of --sweep, --links, and --channel with --matrix")
     if links:
+        if workers is not None:
+            raise DefinitionError("--workers: --links plays in one process; leave it out")
         from msgdrop_cli.commands.parts.show_links import show_links  # after the quick checks
 
-        return show_links(results, as_json=json)
+        return show_links(results, episodes=episodes, device=device, as_json=json)
     if sweep is not None:
         swept = _swept(sweep)
         from msgdrop_cli.commands.parts.show_sweep import show_sweep  # after the quick checks
 
         return show_sweep(
-            results, swept, episodes=episodes, workers=workers, device=device, as_json=json
+            results, swept, episodes=count, workers=processes, device=device, as_json=json
         )
     asked = [words.channel(each, "--channel") for each in channel or ()]
     asked += map(Channel.read, _MATRIX if matrix else ())
@@ -79,8 +102,8 @@ def unstable_test(
     return measure(
         results,
         channels=tuple(dict.fromkeys((NONE_BROKEN, *asked))) if asked else question.channels,
-        episodes=episodes,
-        workers=workers,
+        episodes=count,
+        workers=processes,
         device=device,
         as_json=json,
         question=question,

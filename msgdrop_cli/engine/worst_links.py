@@ -23,7 +23,9 @@ from msgdrop_envs.autoreset import Games
 from msgdrop_envs.protocol import Environment
 
 EPISODES = 64
-"""Of each link that is tried."""
+"""Of each link that is tried, where nobody says how many."""
+_AT_ONCE = 16_384
+"""Episodes that are played side by side; those of one link always are."""
 Policy = Callable[[Tensor, Received], Tensor]
 """Actions [1, P, N, ...] of observations [1, P, N, O] and what arrives."""
 
@@ -50,7 +52,12 @@ class Tiled(Streams):
 
 
 def without_each(
-    act: Policy, env: Environment, seed: int, broken: Tensor, device: torch.device | str
+    act: Policy,
+    env: Environment,
+    seed: int,
+    broken: Tensor,
+    device: torch.device | str,
+    episodes: int = EPISODES,
 ) -> list[Link]:
     """What each of the other links is worth while those of `broken` [L] bool are broken.
 
@@ -60,24 +67,44 @@ def without_each(
     tried = [n for n in range(len(agents)) if not broken[n]]
     lost = broken.repeat(len(tried), 1)
     lost[torch.arange(len(tried)), torch.tensor(tried, dtype=torch.long)] = True
-    returns = play_without(act, env, seed, lost, device).tolist()
+    returns = play_without(act, env, seed, lost, device, episodes).tolist()
     found = [Link(agents[n], value) for n, value in zip(tried, returns, strict=True)]
     return sorted(found, key=lambda link: (link.returns, link.agents))
 
 
 def play_without(
-    act: Policy, env: Environment, seed: int, lost: Tensor, device: torch.device | str
+    act: Policy,
+    env: Environment,
+    seed: int,
+    lost: Tensor,
+    device: torch.device | str,
+    episodes: int = EPISODES,
 ) -> Tensor:
     """The mean return of an episode for each set of broken links; lost [sets, L] bool."""
+    together = max(1, _AT_ONCE // episodes)
+    parts = [
+        _play_together(act, env, seed, sets, device, episodes) for sets in lost.split(together)
+    ]
+    return torch.cat(parts)
+
+
+def _play_together(
+    act: Policy,
+    env: Environment,
+    seed: int,
+    lost: Tensor,
+    device: torch.device | str,
+    episodes: int,
+) -> Tensor:
     keep = (~lost).float()[:, link_of(env.agents)].to(device)  # [sets, N, S]
-    keep = keep.repeat_interleave(EPISODES, 0)[None]
+    keep = keep.repeat_interleave(episodes, 0)[None]
 
     def broken(games: Games, playing: Tensor) -> Tensor:
         return act(games.obs, Received(keep[:, playing]))
 
     table = play_episodes(env, broken, Tiled(seed, len(lost), device), len(keep[0]))
     assert table is not None
-    return table[:, 2].view(len(lost), EPISODES).mean(1)
+    return table[:, 2].view(len(lost), episodes).mean(1)
 
 
 def worst_links(
@@ -92,13 +119,16 @@ def worst_links(
     return broken[link_of(env.agents)].to(device)
 
 
-def links_of_run(run_path: Path) -> tuple[float, list[Link]]:
+def links_of_run(
+    run_path: Path, episodes: int = EPISODES, device: str = "cpu"
+) -> tuple[float, list[Link]]:
     """The mean return with all links, and what is left of it without each one, worst first.
 
     Raises RecordError if the policy cannot be read or does not fit.
     """
     with arithmetic.settled():
-        spec, env, learner = read_trained(run_path)
+        spec, env, learner = read_trained(run_path, device)
+        act, seed = learner.act_greedily, spec.seed
         none = torch.zeros(env.agents * (env.agents - 1) // 2, dtype=torch.bool)
-        [whole] = play_without(learner.act_greedily, env, spec.seed, none[None], "cpu").tolist()
-        return whole, without_each(learner.act_greedily, env, spec.seed, none, "cpu")
+        [whole] = play_without(act, env, seed, none[None], device, episodes).tolist()
+        return whole, without_each(act, env, seed, none, device, episodes)

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 from msgdrop_cli.analysis.statistics import mean
 from msgdrop_cli.commands.parts import console
+from msgdrop_cli.commands.parts.options import check_device
 from msgdrop_cli.commands.parts.play_missing import measurable_runs
 from msgdrop_cli.definition.channel import NONE_BROKEN
 from msgdrop_cli.records.store import POLICY, RunRecord
@@ -18,20 +19,23 @@ _SHOWN = 3
 """Of the links that cost most, in a row of the table."""
 
 
-def show_links(results: Path, *, as_json: bool) -> int:
+def show_links(results: Path, *, episodes: int | None, device: str, as_json: bool) -> int:
     """Break one link after the other of every policy in a folder, and show what it costs.
 
+    episodes: of each link; None: as many as the engine takes to find the worst ones.
     Returns the exit code, 0. Raises DefinitionError for a folder without policies, and RecordError.
     """
     from msgdrop_cli.engine.worst_links import EPISODES, links_of_run
 
+    check_device(device)
+    count = episodes or EPISODES
     runs = measurable_runs(results, [NONE_BROKEN], 1, listeners_only=True)
     found = []
     for run in [run for run in runs if (run.path / POLICY).is_file()]:
         console.note(f"breaking the links of {run.label}, seed {run.seed}, {run.environment}")
-        found.append((run, *links_of_run(run.path)))
+        found.append((run, *links_of_run(run.path, count, device)))
     if as_json:
-        console.result_json([_line(*each) for each in found])
+        console.result_json([{**_line(*each), "episodes": count} for each in found])
         return 0
     for environment in dict.fromkeys(run.environment for run, _, _ in found):
         rows = [_row(*each) for each in found if each[0].environment == environment]
@@ -40,7 +44,7 @@ def show_links(results: Path, *, as_json: bool) -> int:
                 title=f"What each link is worth, {environment}",
                 headers=("variant", "seed", "all links", "mean cost", "cost most: agents (return)"),
                 rows=tuple(rows),
-                caption=f"return = sum over agents and steps, mean of {EPISODES} greedy episodes"
+                caption=f"return = sum over agents and steps, mean of {count:,} greedy episodes"
                 " on games of their own, the same for every link; cost = what is lost of it when"
                 " this link alone is broken, both ways. Agents count from 0, and are others in"
                 " every seed.",
