@@ -143,7 +143,7 @@ class DCC:
         self.init_uniforms = self._agents * parameter_count(network.layers)
         self._keeps_own = scale.new_ones(len(self.scale), config.batch_size, 1, unit)
         self.act_uniforms, self.update_uniforms = 2, math.prod(self._mask_shape)
-        self.updates, self._means = 0, cohort.RunningMeans(self._runs, device)
+        self.updates, self.means = 0, cohort.RunningMeans(self._runs, device)
         self._computes = self._computed_by(env, device)
 
     # Algorithm 1, as the paper writes it.
@@ -190,7 +190,7 @@ class DCC:
         """Update every agent once, on its own minibatch; uniforms [R, update_uniforms]."""
         keep = self.binary_mask(uniforms)
         factors = InputFactors(keep, keep, self.scale).arriving(minibatch, self._links)
-        self._means.add(*self._computes.minimise(minibatch, factors, self.updates + 1))
+        self.means.add(*self._computes.minimise(minibatch, factors, self.updates + 1))
         if self.does_more(self.updates):
             self.target.flat.copy_(self.online.flat)
         self.updates += 1
@@ -271,12 +271,12 @@ class DCC:
 
     def metrics(self, env_steps: int) -> list[dict[str, float | None]]:
         """Each run's epsilon now, and the means of loss and Q since the last call (None: none)."""
-        return [{"epsilon": float(self.epsilon(env_steps)), **m} for m in self._means.take()]
+        return [{"epsilon": float(self.epsilon(env_steps)), **m} for m in self.means.take()]
 
     def tensors(self, run: int) -> dict[str, Tensor]:
         """Online and target weights and Adam's moments of one run, as views."""
         found = cohort.tensors_of(self._parts, run * self._agents, (run + 1) * self._agents)
-        return {**found, **self.encoding.tensors(run), "metric_sums": self._means.sums[:, run]}
+        return {**found, **self.encoding.tensors(run), "metric_sums": self.means.sums[:, run]}
 
     def policy(self, run: int) -> dict[str, Tensor]:
         """The online weights of one run, as views: [N, inputs, outputs] and [N, 1, outputs]."""
@@ -286,11 +286,11 @@ class DCC:
     @property
     def progress(self) -> tuple[int, int]:
         """Counters that a checkpoint keeps: updates done, updates in the running means."""
-        return self.updates, self._means.updates
+        return self.updates, self.means.updates
 
     def resume_at(self, *counters: int) -> None:
         """Set the counters of `progress` again."""
-        self.updates, self._means.updates = counters
+        self.updates, self.means.updates = counters
         self.adam.resume_at(self.updates)
 
 

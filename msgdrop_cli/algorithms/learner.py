@@ -5,6 +5,7 @@ from typing import Any, Protocol
 
 from torch import Tensor
 
+from msgdrop_cli.algorithms.cohort import RunningMeans
 from msgdrop_cli.algorithms.hearing import Encoding
 from msgdrop_cli.messages.received import Heard
 from msgdrop_cli.ops.minibatch import Minibatch
@@ -43,6 +44,8 @@ class Learner(Protocol):
     """[N, 1+S] int64: whom agent i is shown, itself first, then the senders in increasing order."""
     encoding: Encoding
     """What the agents say of what they see."""
+    means: RunningMeans
+    """Every run's losses and Q-values since `metrics` was called last."""
     init_uniforms: int
     """Uniform numbers that the initial weights of one run take."""
     act_uniforms: int

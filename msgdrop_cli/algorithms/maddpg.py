@@ -127,7 +127,7 @@ class MADDPG:
         self.update_uniforms = env.agents * self._size * senders
         every = (config.actor_update_every_env_steps, config.update_every_env_steps)
         self._critic_updates_each = every[0] // every[1]  # for each of the actor
-        self.updates, self._means = 0, cohort.RunningMeans(self._runs, device)
+        self.updates, self.means = 0, cohort.RunningMeans(self._runs, device)
         self._computes = self._computed_by(env, device)
 
     # The rule, as the paper writes it.
@@ -255,7 +255,7 @@ class MADDPG:
         actor_step = self.updates // self._critic_updates_each + 1
         steps = (self.updates + 1, actor_step if self.does_more(self.updates) else None)
         keep = self.binary_mask(uniforms)
-        self._means.add(*self._computes.improve(minibatch, keep, *steps))
+        self.means.add(*self._computes.improve(minibatch, keep, *steps))
         self.updates += 1
 
     def does_more(self, update: int) -> bool:
@@ -264,14 +264,14 @@ class MADDPG:
 
     def metrics(self, env_steps: int) -> list[dict[str, float | None]]:
         """Each run's means of loss and Q since the last call; None without an update."""
-        return self._means.take()
+        return self.means.take()
 
     def tensors(self, run: int) -> dict[str, Tensor]:
         """Online and target weights and Adam's moments of one run, as views."""
         halves = {"actor": self.actors.parts(), "critic": self.critics.parts()}
         parts = {f"{half}.{name}": part for half in halves for name, part in halves[half].items()}
         first, last = run * self._networks_each, (run + 1) * self._networks_each
-        return {**cohort.tensors_of(parts, first, last), "metric_sums": self._means.sums[:, run]}
+        return {**cohort.tensors_of(parts, first, last), "metric_sums": self.means.sums[:, run]}
 
     def policy(self, run: int) -> dict[str, Tensor]:
         """The actors' weights of one run, as views: [1 or N, inputs, outputs], [.., 1, outputs]."""
@@ -281,11 +281,11 @@ class MADDPG:
     @property
     def progress(self) -> tuple[int, int]:
         """Counters that a checkpoint keeps: critic updates done, updates in the running means."""
-        return self.updates, self._means.updates
+        return self.updates, self.means.updates
 
     def resume_at(self, *counters: int) -> None:
         """Set the counters of `progress` again."""
-        self.updates, self._means.updates = counters
+        self.updates, self.means.updates = counters
         self.critics.adam.resume_at(self.updates)
         self.actors.adam.resume_at(-(-self.updates // self._critic_updates_each))
 

@@ -18,6 +18,11 @@ def not_finite(training: Training, run: int) -> str | None:
     name = next((name for name, t in state.items() if not bool(t.isfinite().all())), None)
     if name is None:
         return None
+    if name in ("learner.metric_sums", "sums"):
+        of = ("loss", "q") if name == "learner.metric_sums" else training.counted
+        return next(
+            word for word, sound in zip(of, state[name].isfinite(), strict=True) if not sound
+        )
     owner, *words = name.split(".")
     if owner != "learner" or len(words) < 3:
         return name

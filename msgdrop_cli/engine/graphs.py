@@ -14,10 +14,10 @@ whatever loads itself at first use, and shows how many random numbers a chunk ta
 import dataclasses
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from functools import partial
 from typing import Protocol
 
 import torch
+from torch import Tensor
 
 from msgdrop_cli.engine.training import Training
 from msgdrop_envs.autoreset import Games
@@ -35,29 +35,34 @@ class Recorder(Protocol):
     def record(self, body: Callable[[], None]) -> Callable[[], None]:
         """Take down what `body` does to tensors, without doing it; the result does it."""
 
+    def send(self, tensor: Tensor) -> Callable[[], Tensor]:
+        """Begin to bring the numbers of a tensor to the host; the result waits for them."""
+
 
 class CudaGraphs:
     """Recordings as CUDA graphs. They share their memory: none keeps anything in it."""
 
     def __init__(self) -> None:
         self._pool = torch.cuda.graph_pool_handle()
-        self._before: torch.cuda.Event | None = None
 
     def record(self, body: Callable[[], None]) -> Callable[[], None]:
         """Capture `body`, in which the host must not wait for the GPU."""
         graph = torch.cuda.CUDAGraph()
         with torch.cuda.graph(graph, pool=self._pool, capture_error_mode="thread_local"):
             body()
-        return partial(self._replay, graph)
+        return graph.replay
 
-    def _replay(self, graph: torch.cuda.CUDAGraph) -> None:
-        """Launch, and wait for the launch before: the host is ahead by one, never by a hundred."""
-        graph.replay()
-        launched = torch.cuda.Event(blocking=True)
-        launched.record()
-        if self._before is not None:
-            self._before.synchronize()
-        self._before = launched
+    def send(self, tensor: Tensor) -> Callable[[], Tensor]:
+        """Copy it behind all that was launched so far."""
+        copied = tensor.to("cpu", non_blocking=True)  # into pinned memory: nothing waits here
+        sent = torch.cuda.Event(blocking=True)
+        sent.record()
+
+        def arrived() -> Tensor:
+            sent.synchronize()
+            return copied
+
+        return arrived
 
 
 def recorder(device: str) -> Recorder | None:
@@ -73,6 +78,7 @@ class Chunks:
         self._drawn: dict[Pattern, Mapping[str, int]] = {}
         self._recorded: dict[Pattern, Callable[[], None]] = {}
         self._games: Games | None = None
+        self._sent: tuple[Callable[[], Tensor], int] | None = None
         self._clock = torch.zeros((), dtype=torch.long, device=training.streams.device)
 
     def advance(self, most: int) -> None:
@@ -92,6 +98,19 @@ class Chunks:
             if pattern not in self._recorded:
                 self._recorded[pattern] = recorder.record(self._play)
             self._recorded[pattern]()
+        self._look(recorder)
+
+    def _look(self, recorder: Recorder) -> None:
+        """See whether the numbers were finite after the chunk before, not after this one.
+
+        So the host is ahead of the GPU by one launch, never by none or a hundred.
+        """
+        training, before = self._training, self._sent
+        numbers = recorder.send(torch.cat(training.watched))
+        self._sent = numbers, training.learner.progress[0]
+        if before is not None:
+            numbers, updates = before
+            training.look(numbers().tolist(), updates)
 
     def _pattern(self) -> Pattern:
         """What the host will decide in the chunk that begins now."""

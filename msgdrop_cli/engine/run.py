@@ -135,6 +135,9 @@ class _Session:
         while training.env_steps < plan.train_env_steps:
             before = training.env_steps
             self.chunks.advance(self._steps_to_write())
+            for number, updates in training.odd.items():
+                if not self.runs[number].diverged:
+                    self._diverge(number, not_finite(training, number) or "loss", updates)
             if self._passes(before, plan.log_every_env_steps):
                 self._log()
             if all(run.diverged for run in self.runs):
@@ -172,7 +175,7 @@ class _Session:
             row = {**learned[number], **metrics[number]}
             odd = [name for name, value in row.items() if not math.isfinite(value or 0.0)]
             if where := not_finite(training, number) or (odd and odd[0]):
-                run.diverged = f"{where} is not finite at {training.env_steps} env steps"
+                self._diverge(number, where, training.learner.progress[0])
                 continue
             head = {"env_steps": training.env_steps}
             tail = {"wall_time_s": round(self._wall_time(run), 3)}
@@ -181,11 +184,16 @@ class _Session:
             run.rows += 1
             self.headline[number] = metrics[number][next(iter(training.env.metrics))]
 
+    def _diverge(self, number: int, what: str, updates: int) -> None:
+        """A run ends here; the others of its cohort go on."""
+        at = f"{self.training.env_steps} env steps, after {updates} updates"
+        self.runs[number].diverged = f"{what} is not finite at {at}"
+
     def _checkpoint(self) -> None:
         began = time.monotonic()
         for number, run in self._sound():
             if not_finite(self.training, number):
-                continue  # the last good one stays; the next row of the log ends this run
+                continue  # the last good one stays; this run ends at its next update
             sync_file(run.path / METRICS)  # a checkpoint counts on its rows
             run.checkpoints.save(
                 self.training,

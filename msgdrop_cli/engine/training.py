@@ -4,6 +4,7 @@ The loop contains nothing but the loop: logging, checkpoints and stopping consum
 With E parallel games, E env steps happen at once; the updates per env step stay the paper's.
 """
 
+import math
 from collections.abc import Mapping, Sequence
 
 import torch
@@ -15,7 +16,7 @@ from msgdrop_cli.engine.lost_messages import lost_messages_of
 from msgdrop_cli.engine.randomness import Streams
 from msgdrop_cli.engine.replay import Replay
 from msgdrop_cli.ops.minibatch import Minibatch
-from msgdrop_envs import autoreset, registry
+from msgdrop_envs import autoreset, registry, waiting
 
 
 class Training:
@@ -47,8 +48,13 @@ class Training:
             device=device,
         )
         self.env_steps = 0
-        self.sums = torch.zeros(len(self.env.counts) + 3, self.runs, device=device)
-        """Since the last log: counts, then finished, episodes and return, [counts + 3, R]."""
+        self.counted = (*self.env.counts, "finished", "episodes", "return")
+        self.sums = torch.zeros(len(self.counted), self.runs, device=device)
+        """Since the last log: what is counted in each run, [counts + 3, R]."""
+        self.watched = (self.learner.means.sums.view(-1), self.sums.view(-1))
+        """Numbers that are finite as long as loss, Q and reward were, those of run r at r + i*R."""
+        self.odd: dict[int, int] = {}
+        """The runs in which one was not, and how many updates had been made when it was seen."""
         self.games: autoreset.Games
 
     def begin(self, encoder: Mapping[str, Tensor] | None = None) -> None:
@@ -73,6 +79,16 @@ class Training:
         self.play(actions)
         for _ in range(self.updates_due()):
             self.learn(self.sample())
+            if waiting.can_ask(self.sums):
+                for numbers in self.watched:
+                    self.look(numbers.tolist(), self.learner.progress[0])
+
+    def look(self, numbers: Sequence[float], updates: int) -> None:
+        """Note the runs with a number that is not finite; numbers: `watched` after the updates."""
+        if not math.isfinite(sum(numbers)):
+            for place, number in enumerate(numbers):
+                if not math.isfinite(number):
+                    self.odd.setdefault(place % self.runs, updates)
 
     def act(self) -> Tensor:
         """Each agent acts, and explores (l. 199-207): [R, E, N], or [R, E, N, A] numbers."""
@@ -116,10 +132,9 @@ class Training:
 
     def window(self, env_steps: int) -> list[dict[str, float | None]]:
         """Each run's metrics over the `env_steps` since the last call; None where nothing was."""
-        names = (*self.env.counts, "finished", "episodes", "return")
         rows = []
         for column in self.sums.T.tolist():
-            sums = {"steps": float(env_steps), **dict(zip(names, column, strict=True))}
+            sums = {"steps": float(env_steps), **dict(zip(self.counted, column, strict=True))}
             rows.append({name: metric.ratio(sums) for name, metric in self.env.metrics.items()})
             rows[-1]["episodes"] = sums["episodes"]
         self.sums.zero_()

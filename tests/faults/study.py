@@ -29,8 +29,8 @@ from msgdrop_cli.signals import SIGNALS
 from tests.faults.oracle import KEPT, check_same
 from tests.faults.row import Broken, Trial, expect
 
-STEPS, INTERVAL, LOGGED = 480, 80, 40
-"""Env steps of a run, between two checkpoints, and between two rows of its log."""
+STEPS, INTERVAL, LOGGED, GAMES = 480, 80, 40, 4
+"""Env steps of a run, between two checkpoints, between two rows of its log, and between updates."""
 QUESTION = f"""
 title = "A tiny question"
 question = "Does everything survive?"
@@ -45,7 +45,7 @@ evaluation_episodes = 4
 environment = {{ time_limit = 20 }}
 [profiles.quick.training]
 train_env_steps = {STEPS}
-games = 4
+games = {GAMES}
 log_every_env_steps = {LOGGED}
 checkpoint_every_env_steps = {INTERVAL}
 [profiles.quick.algorithm]
