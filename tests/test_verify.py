@@ -6,13 +6,13 @@ import os
 import random
 import shutil
 import subprocess
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
 from msgdrop_cli.records.sums import SUMS, differences, list_sums
 from tests.cli_runs import Store, copied_store, filled_store, msgdrop
+from tests.faults.stores import CHANGES, changed_byte
 
 PUBLISHED = Path(__file__).parents[1] / "results" / "published"
 STUDIES = sorted(path for path in PUBLISHED.iterdir() if path.is_dir())
@@ -66,46 +66,6 @@ def test_coreutils_read_the_list(study: Path) -> None:
     assert subprocess.run(check, cwd=study, timeout=60).returncode == 0
     (study / "TABLES.md").write_text("other")
     assert subprocess.run(check, cwd=study, capture_output=True, timeout=60).returncode == 1
-
-
-def changed_byte(path: Path, chance: random.Random) -> None:
-    """One byte becomes another one."""
-    content = bytearray(path.read_bytes())
-    content[chance.randrange(len(content))] ^= chance.randrange(1, 256)
-    path.write_bytes(content)
-
-
-def added_byte(path: Path, chance: random.Random) -> None:
-    """One byte more, anywhere."""
-    content = bytearray(path.read_bytes())
-    content.insert(chance.randrange(len(content) + 1), chance.randrange(256))
-    path.write_bytes(content)
-
-
-def cut(path: Path, chance: random.Random) -> None:
-    """The file ends early."""
-    path.write_bytes(path.read_bytes()[: chance.randrange(path.stat().st_size)])
-
-
-def removed(path: Path, chance: random.Random) -> None:
-    """It is gone."""
-    path.unlink()
-
-
-def copied(path: Path, chance: random.Random) -> None:
-    """It is there twice."""
-    shutil.copyfile(path, path.with_name(f"{path.name}{chance.randrange(9)}"))
-
-
-def linked(path: Path, chance: random.Random) -> None:
-    """A link with the same content stands in its place."""
-    original = path.rename(path.parents[len(path.parts) % 2] / f"x{chance.randrange(9)}")
-    path.symlink_to(original)
-
-
-CHANGES: list[Callable[[Path, random.Random], None]] = [
-    *(changed_byte, added_byte, cut, removed, copied, linked)
-]
 
 
 def test_every_change_is_found_and_its_file_named(study: Path) -> None:

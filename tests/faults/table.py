@@ -1,4 +1,4 @@
-"""The fault table. Left out until they exist: `verify` on changed stores, and Dask's workers."""
+"""The fault table."""
 
 from tests.faults import (
     corpus,
@@ -10,6 +10,7 @@ from tests.faults import (
     numbers,
     sameness,
     stops,
+    stores,
     syscalls,
     workers,
 )
@@ -170,7 +171,14 @@ ROWS = (
         name="clock",
         promise="1970, a day ahead, running away, set back: no negative time, the same",
         trials=40,
-        share=0,  # not in the suite: under faketime's 1970 the kernels cannot be loaded (EINVAL)
+        share=1,
         trial=sameness.other_clock,
+    ),
+    Row(
+        name="verify",
+        promise="one change of one file of a published study: found, and the file named",
+        trials=1_000,
+        share=2,
+        trial=stores.change_a_store,
     ),
 )
