@@ -1,82 +1,49 @@
 """Tasks on a real Dask scheduler and three real workers, all of this machine, and their deaths."""
 
 import os
+import re
 import subprocess
-import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from threading import Thread
-from typing import NamedTuple
 
 import pytest
 
-from msgdrop_cli import cluster
+from msgdrop_cli.cluster import connection, shared, workers
+from msgdrop_cli.cluster.control import SharedControl, shared_control
+from msgdrop_cli.cluster.workers import Workers, check_workers
+from msgdrop_cli.engine import facts
 from msgdrop_cli.errors import DefinitionError, RunError
 from msgdrop_cli.records.outcome import Outcome
 from msgdrop_cli.records.store import list_runs
 from msgdrop_cli.scheduler import run_tasks
 from msgdrop_cli.stopping import graceful_stop
-from tests.cli_runs import ROOT, msgdrop
+from tests.cli_runs import msgdrop
+from tests.dask_processes import Cluster, running, worker
 from tests.processes import tasks_for, tiny_runs, wait_for
 from tests.runs import digest
 
 pytest.importorskip("distributed")
 STEPS = 2_000
-DASK = {
-    **os.environ,
-    "PYTHONPATH": os.pathsep.join(str(ROOT / p) for p in ("", "envs", "ablations")),
-}
-
-
-class Cluster(NamedTuple):
-    """Processes of Dask on the loopback interface."""
-
-    address: str
-    scheduler: subprocess.Popen[bytes]
-    workers: list[subprocess.Popen[bytes]]
-
-
-def dask(folder: Path, kind: str, *arguments: str) -> subprocess.Popen[bytes]:
-    """A scheduler or a worker, as people start it."""
-    command = [sys.executable, "-m", f"distributed.cli.dask_{kind}", "--no-dashboard", *arguments]
-    quiet = subprocess.DEVNULL
-    return subprocess.Popen(command, env=DASK, cwd=folder, stdout=quiet, stderr=quiet)
-
-
-def worker(folder: Path, address: str, threads: int = 1) -> subprocess.Popen[bytes]:
-    """A worker without a nanny, so that whoever kills it has killed it."""
-    options = ("--nthreads", str(threads), "--no-nanny", "--local-directory", str(folder))
-    return dask(folder, "worker", address, *options)
 
 
 @pytest.fixture
 def three_workers(tmp_path: Path) -> Iterator[Cluster]:
     """A scheduler and three workers."""
-    file = tmp_path / "scheduler.json"
-    options = ("--host", "127.0.0.1", "--port", "0", "--scheduler-file", str(file))
-    scheduler = dask(tmp_path, "scheduler", *options)
-    workers: list[subprocess.Popen[bytes]] = []
-    try:
-        wait_for(lambda: file.exists() and file.read_text().endswith("}"))
-        address = file.read_text().split('"address": "')[1].split('"')[0]
-        workers += [worker(tmp_path, address) for _ in range(3)]
-        yield Cluster(address.replace("tcp://", "dask://"), scheduler, workers)
-    finally:
-        for process in (*workers, scheduler):
-            process.kill()
-            process.wait()
+    with running(tmp_path, workers=3) as there:
+        yield there
 
 
 def do(there: Cluster, root: Path, steps: int = STEPS) -> list[Outcome]:
     """Three tiny runs on the cluster."""
     with (
-        cluster.connected(there.address) as client,
-        graceful_stop(lambda: cluster.shared_control(root)) as control,
+        connection.connected(there.address) as client,
+        graceful_stop(lambda: shared_control(root)) as control,
     ):
         client.wait_for_workers(3, timeout=40)
         tasks = tasks_for(tiny_runs(steps=steps, seeds=(1, 2, 3)), root)
-        return run_tasks(tasks, control, workers=1, elsewhere=cluster.on(client))
+        return run_tasks(tasks, control, workers=1, elsewhere=shared.on(client))
 
 
 @contextmanager
@@ -144,8 +111,8 @@ def test_a_lost_scheduler_is_an_error_and_no_wait(three_workers: Cluster, tmp_pa
 
 def test_workers_hear_the_stop_and_the_silence(tmp_path: Path) -> None:
     """A request reaches who opens the file; a command that was killed says nothing any more."""
-    with cluster.shared_control(tmp_path) as control:
-        assert isinstance(control, cluster.SharedControl)
+    with shared_control(tmp_path) as control:
+        assert isinstance(control, SharedControl)
         assert not control.stopping()
         control.ask()
         assert control.stopping()
@@ -159,22 +126,29 @@ def test_workers_hear_the_stop_and_the_silence(tmp_path: Path) -> None:
 
 
 def test_workers_that_could_not_do_it_are_refused(three_workers: Cluster, tmp_path: Path) -> None:
-    """Two tasks at once, or a folder that a worker does not see: a line that names the worker."""
-    with cluster.connected(three_workers.address) as client:
+    """Two tasks at once, or other code than ours: a line that names the worker."""
+    with connection.connected(three_workers.address) as client:
         client.wait_for_workers(3, timeout=40)
-        assert cluster.check_workers(client, tmp_path) == "3 workers on 1 machine"
-        elsewhere = tmp_path / "elsewhere"
-        elsewhere.mkdir()
+        assert check_workers(client, tmp_path) == Workers("3 workers on 1 machine", share=True)
         with pytest.MonkeyPatch.context() as patch:
-            patch.setattr(Path, "touch", lambda _: None)  # as if it were on another machine
-            with pytest.raises(RunError, match=r"^worker tcp://.*: does not see .*elsewhere; "):
-                cluster.check_workers(client, elsewhere)
-        assert list(elsewhere.iterdir()) == []
+            patch.setattr(facts, "commit", lambda: "f" * 40)
+            with pytest.raises(
+                RunError, match=r"^worker tcp://.*: .* commit .*, not ffffffffffff$"
+            ):
+                check_workers(client, tmp_path)
+            patch.undo()
+            patch.setattr(workers, "__version__", "9.9")
+            with pytest.raises(RunError, match=r"^worker tcp://.*: has msgdrop 0.*, not 9\.9$"):
+                check_workers(client, tmp_path)
+            patch.undo()
+            patch.setattr(facts, "versions", lambda: {"torch": "9.9"})
+            (note, *_) = check_workers(client, tmp_path).notes
+            assert re.search(r"^worker tcp://.*: torch .*, here 9\.9: last bits may differ$", note)
         extra = worker(tmp_path, three_workers.address.replace("dask", "tcp"), threads=2)
         try:
             client.wait_for_workers(4, timeout=40)
             with pytest.raises(RunError, match="start it with --nthreads 1"):
-                cluster.check_workers(client, tmp_path)
+                check_workers(client, tmp_path)
         finally:
             extra.kill()
             extra.wait()
@@ -184,22 +158,22 @@ def test_workers_that_could_not_do_it_are_refused(three_workers: Cluster, tmp_pa
 def test_only_clusters_are_asked(where: str) -> None:
     """Two words for what can be meant, before anything is loaded."""
     with pytest.raises(DefinitionError, match="expected dask://HOST:PORT"):
-        cluster.check_cluster(where)
+        connection.check_cluster(where)
     said = msgdrop("ablate", "broken-links", "--cluster", where)
     assert said.code == 2
 
 
 def test_nobody_there_is_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
     """An address without a scheduler ends in an error soon."""
-    monkeypatch.setattr(cluster, "_PATIENCE_S", 0.5)
+    monkeypatch.setattr(connection, "PATIENCE_S", 0.5)
     nobody = pytest.raises(RunError, match=r"^dask://127\.0\.0\.1:9: no scheduler answers there: ")
-    with nobody, cluster.connected("dask://127.0.0.1:9"):
+    with nobody, connection.connected("dask://127.0.0.1:9"):
         pass
 
 
 def test_certificates_are_three_files(tmp_path: Path) -> None:
     """CA, certificate and key, all of them there."""
     with pytest.raises(DefinitionError, match="expected three files"):
-        cluster.check_tls("a,b")
+        connection.check_tls("a,b")
     with pytest.raises(DefinitionError, match="a: there is no such file"):
-        cluster.check_tls(f"{tmp_path}/a,b,c")
+        connection.check_tls(f"{tmp_path}/a,b,c")

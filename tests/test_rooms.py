@@ -30,7 +30,11 @@ TORCH_FREE = {"records", "definition", "msgdrop_ablations", "errors"}
 """These need no tensors at all, not even inside a function."""
 EXTRAS = {
     "parallel.py": {"pettingzoo", "gymnasium", "numpy"},
-    "cluster.py": {"distributed"},
+    "connection.py": {"distributed"},
+    "workers.py": {"distributed"},
+    "shared.py": {"distributed"},
+    "apart.py": {"distributed"},
+    "guests.py": {"distributed"},
     "frames.py": {"pandas"},
     "parquet.py": {"pyarrow"},
     "mirrors.py": {"tensorboard", "wandb", "trackio"},

@@ -24,18 +24,23 @@ _COMMIT = re.compile(r"[0-9a-f]{40}\+?")
 def facts(env: Environment, kernel: str, device: str) -> dict[str, Any]:
     """Versions, commit, host, device, threads, and the formulas of the environment's metrics."""
     return {
-        "versions": {
-            "msgdrop": msgdrop_cli.__version__,
-            "python": platform.python_version(),
-            "torch": torch.__version__,
-            "numpy": np.__version__,
-        },
+        "versions": versions(),
         "commit": commit(),
         "host": host(),
         "device": device,
         "threads": THREADS,
         "kernel": kernel,
         "metrics": {name: asdict(metric) for name, metric in env.metrics.items()},
+    }
+
+
+def versions() -> dict[str, str]:
+    """Of everything that numbers depend on."""
+    return {
+        "msgdrop": msgdrop_cli.__version__,
+        "python": platform.python_version(),
+        "torch": torch.__version__,
+        "numpy": np.__version__,
     }
 
 

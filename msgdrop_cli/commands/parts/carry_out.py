@@ -5,8 +5,11 @@ from contextlib import AbstractContextManager, ExitStack, contextmanager, suppre
 from functools import partial
 from pathlib import Path
 
-from msgdrop_cli import cluster
 from msgdrop_cli.analysis.next_looks import NextLook
+from msgdrop_cli.cluster import apart, shared
+from msgdrop_cli.cluster.connection import connected
+from msgdrop_cli.cluster.control import shared_control
+from msgdrop_cli.cluster.workers import check_workers
 from msgdrop_cli.commands.parts import console
 from msgdrop_cli.commands.parts.auto_seeds import registration_of, to_next_looks
 from msgdrop_cli.commands.parts.estimate import (
@@ -175,9 +178,14 @@ def _workplace(
         yield in_memory, None
         return
     root = options.results.resolve()
-    with cluster.connected(options.cluster, options.cluster_tls) as client:
-        console.note(f"{options.cluster}: {cluster.check_workers(client, root)}")
-        yield partial(cluster.shared_control, root), cluster.on(client)
+    with connected(options.cluster, options.cluster_tls) as client:
+        found = check_workers(client, root)
+        for words in (f"{options.cluster}: {found.words}", *found.notes):
+            console.note(words)
+        if found.share:
+            yield partial(shared_control, root), shared.on(client)
+        else:
+            yield in_memory, apart.on(client)
 
 
 def _report(asked: Plan, options: TrainOptions, outcomes: Sequence[Outcome]) -> int:

@@ -107,7 +107,7 @@ Cluster = Annotated[
     str | None,
     typer.Option(
         metavar="dask://HOST:PORT|local:N",
-        help="Train on the workers of a Dask cluster; they must see the results folder.",
+        help="Train on the workers of a Dask cluster, with a shared results folder or without.",
     ),
 ]
 ClusterTls = Annotated[
@@ -186,7 +186,10 @@ def train_options(
     cluster_tls: str | None = None,
 ) -> TrainOptions:
     """The options as given, checked; DefinitionError where a value cannot be meant."""
-    from msgdrop_cli.cluster import check_cluster, check_tls  # the TAB key needs none of it
+    from msgdrop_cli.cluster.connection import (
+        check_cluster,
+        check_tls,
+    )  # the TAB key needs none of it
 
     check_workers(workers)
     check_device_name(device)

@@ -1,0 +1,126 @@
+"""A client of the cluster that the user names, with certificates or without."""
+
+import asyncio
+import logging
+import warnings
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from msgdrop_cli.cluster import certificates
+from msgdrop_cli.definition.strict import one_line
+from msgdrop_cli.errors import DefinitionError, RunError, to_install
+from msgdrop_cli.signals import held_back
+
+if TYPE_CHECKING:
+    from distributed import Client
+
+_LOCAL, _DASK, _TLS = "local:", "dask://", "tls://"
+_EXPECTED = "expected dask://HOST:PORT, tls://HOST:PORT or local:4 for workers of this machine"
+_TLS_FILES = ("tls_ca_file", "tls_client_cert", "tls_client_key")
+_MOST_LOCAL = 256
+PATIENCE_S = 30.0
+"""For a scheduler to answer and the first workers to come."""
+_QUIET = 60
+"""Dask's loggers say nothing below this: what matters we say ourselves, in a line."""
+
+
+def check_cluster(where: str) -> str:
+    """What `--cluster` names, as it is; DefinitionError if that is no cluster."""
+    count = where.removeprefix(_LOCAL)
+    local = where.startswith(_LOCAL) and count.isdigit() and 1 <= int(count) <= _MOST_LOCAL
+    if not local and not (where.startswith((_DASK, _TLS)) and where.rpartition(":")[2].isdigit()):
+        raise DefinitionError(f"--cluster: {where[:60]!r} is none; {_EXPECTED}")
+    return where
+
+
+def check_tls(text: str) -> tuple[Path, ...]:
+    """The files of `--cluster-tls CA,CERT,KEY`; DefinitionError unless all three are there."""
+    files = tuple(Path(word).expanduser() for word in text.split(","))
+    if len(files) != len(_TLS_FILES):
+        raise DefinitionError("--cluster-tls: expected three files: CA,CERT,KEY")
+    if missing := [file for file in files if not file.is_file()]:
+        raise DefinitionError(one_line(f"--cluster-tls: {missing[0]}: there is no such file"))
+    return files
+
+
+@contextmanager
+def connected(where: str, tls: Sequence[Path] = ()) -> Iterator["Client"]:
+    """A client of the cluster that `check_cluster` let through; one of this machine ends with it.
+
+    tls: files of the authority, the certificate and its key, if Dask's own settings have none.
+    With them, or to a tls:// address, nothing is ever said without encryption.
+    Raises RunError in a line: Dask is missing, nobody answers, or a certificate is wrong.
+    """
+    try:
+        import distributed  # noqa: F401 - said before anything else
+    except ImportError as error:
+        raise RunError(f"--cluster needs Dask; {to_install('dask')}") from error
+    logging.getLogger("distributed").setLevel(_QUIET)
+    if tls and where.startswith(_LOCAL):
+        raise RunError(f"{where} takes no --cluster-tls: its workers talk on this machine only")
+    with _of_this_machine(where) if where.startswith(_LOCAL) else _client(where, tls) as client:
+        yield client
+
+
+@contextmanager
+def _of_this_machine(where: str) -> Iterator["Client"]:
+    """Workers that begin and end here."""
+    from multiprocessing import resource_tracker
+
+    from distributed import Client, LocalCluster
+
+    count = int(where.removeprefix(_LOCAL))
+    with held_back():
+        resource_tracker.ensure_running()  # it lets signals through afterwards
+    with held_back():  # its processes inherit that, and leave Ctrl-C to us
+        made = LocalCluster(
+            n_workers=count, threads_per_worker=1, dashboard_address=None, silence_logs=_QUIET
+        )
+    with made, Client(made) as client:
+        yield client
+
+
+def _client(where: str, tls: Sequence[Path]) -> "Client":
+    """A client of a scheduler that runs already."""
+    from distributed import Client, Security
+
+    identity = certificates.read(tls) if tls else None
+    files = dict(zip(_TLS_FILES, map(str, tls), strict=True)) if tls else {}
+    security = Security(require_encryption=True, **files) if tls else Security()
+    address = where.replace(_DASK, _TLS if tls else "tcp://")
+    try:
+        asyncio.run(_somebody_speaks(address, security.get_connection_args("client")))
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # a table of versions: `check_workers` has a line
+            return Client(address, timeout=PATIENCE_S, security=security)
+    except (OSError, ValueError, TypeError, ImportError) as error:
+        reason = certificates.why_refused(identity) if identity else ""
+        reason = reason or _in_words(error, address)
+        raise RunError(one_line(f"{where}: no scheduler answers there: {reason}")) from error
+
+
+async def _somebody_speaks(address: str, how: Mapping[str, Any]) -> None:
+    """Raises what hinders a connection; Dask itself waits for ever for who takes it silently."""
+    from distributed.comm.core import connect
+
+    try:
+        async with asyncio.timeout(PATIENCE_S + 1.0):
+            comm = await connect(address, timeout=PATIENCE_S, **how)
+    except TimeoutError as error:
+        raise OSError("somebody takes the call, but says nothing") from error
+    comm.abort()
+
+
+def _in_words(error: Exception, address: str) -> str:
+    """Why nobody answered."""
+    if isinstance(error, TypeError) and address.startswith(_TLS):
+        return "tls:// needs --cluster-tls CA,CERT,KEY, or Dask's own settings"
+    if "certificate does not match" in str(error):  # Dask's word for any fault of the peer's
+        return (
+            f"its certificate is not to be trusted: {error.__cause__ or 'expired, or another CA'}"
+        )
+    if "Timed out" in str(error) or not address.startswith(_TLS):
+        return str(error) or "it does not speak as Dask does"
+    return f"no encrypted connection; it has none, or does not trust our certificate ({error})"
