@@ -5,7 +5,7 @@ import zlib
 from dataclasses import replace
 
 from msgdrop_cli.analysis.provenance import Dropped, Maker
-from msgdrop_cli.analysis.reproduction import Decides, Line, Reading, Section
+from msgdrop_cli.analysis.reproduction import WORDS, Decides, Line, Reading, Section
 from msgdrop_cli.analysis.verdict import Word
 from msgdrop_cli.definition.spec import Registration
 from msgdrop_cli.definition.statements import Register, Statement
@@ -70,16 +70,15 @@ def line(number: int, word: Word, text: str = "Dropout helps") -> Line:
         told_by=None if word in ("not run", "under-specified") else 0,
         readings=() if word == "not run" else found,
         command=f"msgdrop ablate broken-links --seeds {number}",
-        decides=Decides(seeds=6, forecast=False, registered=True, runs=6, seconds=300.0),
+        decides=Decides(
+            seeds=6, forecast=False, registered=True, runs=6, seconds=300.0, source="measured"
+        ),
     )
 
 
 def page(text: str = "Dropout helps", words: tuple[Word, ...] = ()) -> Page:
     """A page of one section, a claim for each word; text: stands wherever texts stand."""
-    words = words or (
-        *("supported", "contradicted", "level"),
-        *("undecided", "under-specified", "not run"),
-    )
+    words = words or WORDS
     section = Section(
         key="figure-6",
         title=f"Figure 6: {text}",
@@ -121,6 +120,7 @@ def page(text: str = "Dropout helps", words: tuple[Word, ...] = ()) -> Page:
         makers=(maker,),
         dropped=(Dropped(what="failed", name=text, runs=1, reason=text),),
         folder=text,
+        origin=text,
         version="1",
         commit=None,
     )

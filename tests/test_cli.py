@@ -92,13 +92,16 @@ def test_dry_run_writes_nothing(store: Store, tmp_path: Path) -> None:
     assert not (tmp_path / "new").exists()
 
 
-def test_time_is_measured_where_it_can_be(store: Store, copy: Store) -> None:
+def test_time_is_measured_where_it_can_be(
+    store: Store, copy: Store, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Finished runs of the same work on the same device give the speed; else a rule of thumb."""
     assert "rule of thumb" in store.said.err
-    for path, wall_time_s in zip(
+    for path, cpu_time_s in zip(
         sorted(copy.results.rglob("run.json")), (4, 2, 4, 0.1), strict=True
     ):
-        path.write_text(json.dumps(json.loads(path.read_text()) | {"wall_time_s": wall_time_s}))
+        times = {"wall_time_s": 2 * cpu_time_s, "cpu_time_s": cpu_time_s}
+        path.write_text(json.dumps(json.loads(path.read_text()) | times))
 
     def planned(*arguments: str) -> tuple[int, list[int], str]:
         said = copy.ablate("--seeds", "3", "--dry-run", "--json", *arguments)
@@ -107,9 +110,10 @@ def test_time_is_measured_where_it_can_be(store: Store, copy: Store) -> None:
 
     # Two new runs of 200 env steps at 200 / 4 a second; 0.1 s is too short to say anything.
     # The fastest took 2 s, and a quarter more than the likely is always possible.
-    measured = "measured on finished runs like these"
-    assert planned() == (8, [4, 10], measured)
-    assert planned("--workers", "2") == (4, [2, 5], measured)
+    measured = "processor time of your finished runs like these; if"
+    assert planned() == (8, [4, 10], f"{measured} 1 core is free")
+    monkeypatch.setattr("os.sched_getaffinity", lambda _: {0, 1})
+    assert planned("--workers", "2") == (4, [2, 5], f"{measured} 2 cores are free")
     assert planned("--set", "algorithm.batch_size=64")[2].startswith("rule of thumb")
 
 

@@ -2,7 +2,6 @@
 
 import os
 from collections.abc import Container
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -14,13 +13,10 @@ from msgdrop_cli.commands.parts.shapes import on_no_device, run_sizes
 from msgdrop_cli.definition.load import load_definition
 from msgdrop_cli.definition.paper import paper_sizes
 from msgdrop_cli.definition.plan import ad_hoc_definition, plan
-from msgdrop_cli.definition.run_id import spec_to_dict
 from msgdrop_cli.definition.spec import PlannedRun, Profile
-from msgdrop_cli.engine import facts
 from msgdrop_cli.engine.checkpoint import Checkpoints
 from msgdrop_cli.engine.offers import catalogue
 from msgdrop_cli.engine.run import _Session, train_cohort
-from msgdrop_cli.records.store import RunRecord
 from msgdrop_envs import registry
 from tests import runs as tiny
 from tests.cli_runs import QUESTION, msgdrop
@@ -197,67 +193,3 @@ def test_work_counts_rows_and_updates() -> None:
     actor = 152 * 64 + 64 + 64 * 2 + 2
     assert shared.parameters == 172_129 + actor
     assert shared.work == (172_129 + actor) * 32 * 8 / 5
-
-
-@pytest.mark.parametrize(
-    ("made_by", "speeds"),
-    [
-        ({}, [48.0]),
-        ({"kernel": "c-sparse"}, []),
-        ({"kernel": None}, []),
-        ({"host": "aarch64 DEFAULT"}, []),
-        ({"device": "cuda"}, []),
-    ],
-)
-def test_speed_is_learnt_from_what_worked_alike(
-    made_by: dict[str, str | None], speeds: list[float], tmp_path: Path
-) -> None:
-    """Another machine's run, or one of an older kernel, says nothing about this one."""
-    run = tiny.planned()
-    alike = {"device": "cpu", "kernel": "c-dcc", "host": facts.host()}
-    spec = {"spec": spec_to_dict(run.spec), "env_steps": 480, "wall_time_s": 10.0}
-    record = RunRecord(tmp_path, {**spec, **alike, **made_by})
-    assert estimate._measured_speeds(run, [record], "cpu", "c-dcc") == speeds
-
-
-def test_the_rule_of_thumb_is_near_what_was_measured() -> None:
-    """Env steps per second of benchmarks/NOTES.md within a factor of two, in C and in torch."""
-    for environment, algorithm, kernel, measured in (
-        ("pursuit-n6", "dcc-md", "c-dcc", 5_887),
-        ("pursuit-n8", "dcc-md", "c-dcc", 3_010),
-        ("navigation-n8", "fdc", "c-dcc", 9_864),
-        ("navigation-n8", "dcc-md", "c-dcc", 5_625),
-        ("waterworld-n8", "maddpg-md", "c-sparse-rows", 1_500),
-        ("pursuit-n6", "dcc-md", "torch-autograd", 1_474),
-    ):
-        sizes = run_sizes(planned(environment, algorithm), episodes=8)
-        speed = estimate._rule_of_thumb(replace(sizes, kernel=kernel))
-        assert measured / 2 < speed < 2 * measured, (environment, algorithm, speed)
-
-
-def test_own_runs_say_more_of_this_machine_than_published_ones(tmp_path: Path) -> None:
-    """A host is a kind of processor only; published runs may come from another, idler one."""
-    run = tiny.planned()
-    made_by = {"device": "cpu", "kernel": "c-dcc", "host": facts.host()}
-    table = {"spec": spec_to_dict(run.spec), "env_steps": 480, **made_by}
-    published = RunRecord(tmp_path / "published" / "a" / "b", {**table, "wall_time_s": 10.0})
-    own = RunRecord(tmp_path / "runs" / "a" / "b", {**table, "wall_time_s": 40.0})
-    assert estimate._measured_speeds(run, [published, own], "cpu", "c-dcc") == [12.0]
-    assert estimate._measured_speeds(run, [published], "cpu", "c-dcc") == [48.0]
-
-
-@pytest.mark.parametrize(
-    ("speeds", "expected"),
-    [
-        ([], (1_000.0, 2_000.0, 500.0)),
-        ([100.0], (100.0, 125.0, 80.0)),
-        ([50.0, 100.0, 300.0], (100.0, 300.0, 50.0)),
-    ],
-)
-def test_a_range_is_what_was_measured_or_what_the_rule_is_good_for(
-    speeds: list[float], expected: tuple[float, float, float], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Likely, fastest, slowest: a factor of two, a quarter either way, or the spread if wider."""
-    monkeypatch.setattr(estimate, "_rule_of_thumb", lambda sizes: 1_000.0)
-    sizes = run_sizes(planned("pursuit-n6", "dcc"), episodes=8)
-    assert estimate._paces(speeds, sizes) == expected

@@ -9,10 +9,13 @@ from typing import Any
 import pytest
 
 from msgdrop_cli.commands.parts import why
+from msgdrop_cli.definition.load import load_definition
+from msgdrop_cli.definition.plan import plan
 from msgdrop_cli.definition.readings import all_readings, apart, under
 from msgdrop_cli.engine.offers import catalogue
 from msgdrop_cli.records.files import run_lock
-from msgdrop_cli.records.store import RunRecord, list_runs
+from msgdrop_cli.records.planned import plan_run
+from msgdrop_cli.records.store import RunRecord, list_runs, run_path
 from tests.cli_runs import ROOT, msgdrop
 
 PUBLISHED = ROOT / "results" / "published"
@@ -158,3 +161,21 @@ def test_the_command_shows_it() -> None:
         json.loads(msgdrop("status", PUBLISHED / "navigation-half-million", "--why", "--json").out)
         == []
     )
+
+
+def test_why_says_how_long_it_takes_as_the_plan_does(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The same time, with the same assumption, as the command that it says to type."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("os.sched_getaffinity", lambda _: {0, 1, 2, 3})
+    arguments = ("broken-links", "--profile", "two-million", "--seeds", "3,4")
+    asked = plan(load_definition("broken-links"), "two-million", catalogue(), seeds=(3, 4))
+    for run in asked.runs:
+        plan_run(run_path(Path("results"), run), run)
+    [why_not] = json.loads(msgdrop("status", "results", "--why", "--json").out)
+    said = " ".join(msgdrop("ablate", *arguments, "--dry-run").out.split())
+    assert why_not["status"] == "planned"
+    assert why_not["time"].startswith("about ")
+    assert why_not["time"].endswith("if 2 cores are free)")
+    assert f"time {why_not['time']}" in said

@@ -1,5 +1,6 @@
 """`msgdrop reproduce --train`: what open claims lack, every variant's seed 1 first."""
 
+import shutil
 import time
 from pathlib import Path
 from types import SimpleNamespace
@@ -10,7 +11,8 @@ from msgdrop_cli.analysis.reproduction import reproduce
 from msgdrop_cli.commands import reproduce as reproduce_command
 from msgdrop_cli.commands.parts import paper_page
 from msgdrop_cli.commands.parts.answers import find_answers
-from msgdrop_cli.commands.parts.survey import Wanted
+from msgdrop_cli.commands.parts.estimate import cohorts, estimate, finished_runs
+from msgdrop_cli.commands.parts.survey import Wanted, survey, wanted_of
 from msgdrop_cli.commands.parts.train_missing import Means, breadth_first, seconds, train_missing
 from msgdrop_cli.commands.parts.ways import wanted_runs, with_ways
 from msgdrop_cli.definition.channel import NONE_BROKEN, Channel
@@ -89,7 +91,9 @@ def test_a_claim_whose_look_has_come_waits_for_its_family() -> None:
     """More seeds of its own arms would decide nothing: rates 0.1, 0.3, 0.4 with ten seeds do."""
     published = ROOT / "results" / "published" / "broken-links-two-million"
     answers = find_answers(published, [load_definition("dropout-rate")], OFFERS)
-    sections = with_ways(reproduce(answers.answers, all_figures()), answers, OFFERS)
+    sections = with_ways(
+        reproduce(answers.answers, all_figures()), answers, OFFERS, workers=1, device="cpu"
+    )
     lines = [line for section in sections for line in section.lines]
     [line] = [
         each
@@ -125,7 +129,7 @@ def test_the_page_is_a_part_of_the_budget(tmp_path: Path, monkeypatch: pytest.Mo
     """Made before, which takes 40 s here, and after: of five minutes 260 s are left to train."""
     clock, asked = [1000.0], list[Means]()
 
-    def written(folder: Path, *, may_be_empty: bool) -> None:
+    def written(folder: Path, workers: int, device: str, *, may_be_empty: bool) -> None:
         clock[0] += 40.0
 
     monkeypatch.setattr(reproduce_command, "time", SimpleNamespace(monotonic=lambda: clock[0]))
@@ -163,3 +167,43 @@ def test_a_budget_without_training_is_refused(tmp_path: Path) -> None:
     said = msgdrop("reproduce", tmp_path, "--budget", "6h")
     assert said.code == 2
     assert "--train" in said.err
+
+
+def test_the_page_says_the_time_of_the_plan(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What would decide a claim takes as long as `ablate` says of the same runs."""
+    monkeypatch.setattr("os.sched_getaffinity", lambda _: {0, 1, 2, 3})
+    folder = shutil.copytree(
+        ROOT / "results" / "published" / "navigation-half-million",
+        tmp_path / "published" / "navigation-half-million",
+    )
+    answers = find_answers(folder, [load_definition("navigation")], OFFERS)
+    sections = with_ways(
+        reproduce(answers.answers, all_figures()), answers, OFFERS, workers=2, device="cpu"
+    )
+    [line] = [
+        line
+        for section in sections
+        for line in section.lines
+        if (line.better, line.worse) == ("md-0.2", "dcc")
+        and (line.environment, line.measure) == ("navigation-n8", "evaluation")
+    ]
+    assert line.decides is not None
+    seeds = range(1, line.decides.seeds + 1)
+    asked = plan(load_definition("navigation"), "half-million", OFFERS, seeds=seeds)
+    both = [run for run in asked.runs if run.variant in ("md-0.2", "dcc")]
+    looked_up = survey(wanted_of(asked, both), tmp_path)
+    told = estimate(
+        looked_up,
+        cohorts(looked_up.pending, "cpu"),
+        finished_runs(tmp_path),
+        workers=2,
+        device="cpu",
+        episodes=asked.evaluation_episodes,
+        evaluations=len(asked.channels),
+    )
+    assert line.decides.runs == len(looked_up.pending) == 16
+    assert line.decides.seconds == pytest.approx(told.seconds)
+    assert line.decides.source == told.source
+    assert told.source.endswith("if 2 cores are free")

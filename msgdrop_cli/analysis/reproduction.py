@@ -60,7 +60,9 @@ class Decides:
     runs: int
     """That are missing, of both arms."""
     seconds: float
-    """To train them here, one after the other on one core."""
+    """To train them here."""
+    source: str
+    """What that assumes, in words."""
     family: bool = False
     """Whether its look has come, and it waits for claims of its family: runs of all of them."""
 

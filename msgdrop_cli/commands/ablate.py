@@ -64,7 +64,7 @@ def ablate(
     overrides: options.Set = None,
     seed: options.Seed = None,
     seeds: options.SeedsOrAuto = None,
-    workers: options.Workers = 2,
+    workers: options.Workers = options.WORKERS,
     device: options.Device = "cpu",
     results: options.Results = Path("results"),
     cluster: options.Cluster = None,

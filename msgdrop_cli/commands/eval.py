@@ -21,7 +21,7 @@ def evaluate(
     broken_links: options.BrokenLinks = "none",
     channel: options.Channels = None,
     episodes: options.Episodes = 1_000,
-    workers: options.Workers = 2,
+    workers: options.Workers = options.WORKERS,
     device: options.Device = "cpu",
     json: options.Json = False,
 ) -> int:

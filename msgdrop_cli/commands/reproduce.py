@@ -38,7 +38,7 @@ def reproduce(
     results: options.Folder = Path("results"),
     train: _Train = False,
     budget: _Budget = None,
-    workers: options.Workers = 2,
+    workers: options.Workers = options.WORKERS,
     device: options.Device = "cpu",
     json: options.Json = False,
 ) -> int:
@@ -53,7 +53,7 @@ def reproduce(
     if budget is not None and not train:
         raise DefinitionError("--budget: of what? it is the time that --train may take")
     code = _train(results, budget, workers, device) if train else 0
-    page, paths = _written(results, may_be_empty=train)
+    page, paths = _written(results, workers, device, may_be_empty=train)
     for each in page.dropped:
         if each.what == "unreadable":
             console.note(each.reason)
@@ -79,19 +79,19 @@ def _train(results: Path, budget: str | None, workers: int, device: str) -> int:
     check_folder(home_of(results), 0)
     # The page of before, which is there whatever happens, says how long the one after takes.
     page_began = time.monotonic()
-    _written(results, may_be_empty=True)
+    _written(results, workers, device, may_be_empty=True)
     page_s = time.monotonic() - page_began
     return train(results, Means(workers=workers, device=device, ends=began + budget_s - page_s))
 
 
-def _written(results: Path, *, may_be_empty: bool) -> _Written:
+def _written(results: Path, workers: int, device: str, *, may_be_empty: bool) -> _Written:
     """The page of the records in or below a folder, as files."""
     from msgdrop_cli.commands.parts.paper_page import paper_page
     from msgdrop_cli.report.page.html import html
     from msgdrop_cli.report.page.markdown import markdown
     from msgdrop_cli.report.write import pages_folder, write_atomic
 
-    page = paper_page(results)
+    page = paper_page(results, workers=workers, device=device)
     if not page.makers and not may_be_empty:
         raise DefinitionError(f"{results}: no finished run is there, so there is no page to write")
     text = json_text.dumps(page.document(), indent=1, allow_nan=False) + "\n"

@@ -71,10 +71,12 @@ def status(
 
 
 def _show_why(records: Sequence[RunRecord], *, as_json: bool) -> int:
-    from msgdrop_cli.commands.parts.why import reasons
+    from msgdrop_cli.commands.parts.why import reasons, times
     from msgdrop_cli.engine.offers import catalogue
 
-    found = reasons(records, catalogue())
+    known = catalogue()
+    found = reasons(records, known)
+    taking = times(found, records, known)
     if as_json:
         console.result_json(
             [
@@ -82,17 +84,19 @@ def _show_why(records: Sequence[RunRecord], *, as_json: bool) -> int:
                     "status": why.word,
                     "reason": why.reason,
                     "command": why.command or None,
+                    "time": takes or None,
                     "paths": [str(record.path) for record in why.records],
                 }
-                for why in found
+                for why, takes in zip(found, taking, strict=True)
             ]
         )
         return 0
-    for why in found:
+    for why, takes in zip(found, taking, strict=True):
         first = why.records[0]
         heading = f"{several(len(why.records), 'run')} of {first.definition}, {first.profile}"
         rows = {why.word: heading, "why": why.reason, "runs": _shortly(why.records)}
-        console.facts(rows | ({"type": why.command} if why.command else {}), is_result=True)
+        rows |= {"type": why.command, "time": takes}
+        console.facts({name: said for name, said in rows.items() if said}, is_result=True)
         console.result("")
     finished = len(records) - sum(len(why.records) for why in found)
     console.result(f"{several(finished, 'run')} beside that: finished and up to date, or at work")

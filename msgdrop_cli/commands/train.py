@@ -79,7 +79,7 @@ def train(
     overrides: options.Set = None,
     seed: options.Seed = None,
     seeds: options.Seeds = None,
-    workers: options.Workers = 2,
+    workers: options.Workers = options.WORKERS,
     device: options.Device = "cpu",
     results: options.Results = Path("results"),
     dry_run: options.DryRun = False,

@@ -18,7 +18,7 @@ _MATRIX = (
     *("silent:1", "delay:1", "delay:5", "loss:0.5+hold:5", "constant", "shuffled", "own"),
 )
 """What `--matrix` evaluates through: losses, broken links, bursts, lateness, and the controls."""
-_EPISODES, _WORKERS = 1_000, 2
+_EPISODES = 1_000
 """Where nobody says how many."""
 
 _Episodes = Annotated[
@@ -75,7 +75,7 @@ def unstable_test(
     others. Episodes that your own runs have are not played again.
     """
     count = _EPISODES if episodes is None else episodes
-    processes = _WORKERS if workers is None else workers
+    processes = options.WORKERS if workers is None else workers
     options.check_workers(processes)
     options.check_episodes(count)
     options.check_device_name(device)

@@ -21,6 +21,7 @@ from msgdrop_cli.records.store import (
     run_path,
     set_status,
 )
+from msgdrop_cli.records.times import cpu_time_s
 
 
 @dataclass(slots=True)
@@ -32,6 +33,8 @@ class Run:
     checkpoints: Checkpoints
     checkpoint: Checkpoint | None
     wall_time_s: float
+    cpu_time_s: float | None
+    """None if it was begun by a program that did not measure it."""
     note: str | None
     """What the user should know about how it went on."""
     rows: int = 0
@@ -84,7 +87,15 @@ def open_run(planned: PlannedRun, epoch: Epoch, device: str) -> Run:
     checkpoint = checkpoints.latest(count_jsonl(path / METRICS))
     if checkpoint is not None:
         _check_kernel(checkpoint, kernel_name(planned.spec, device))
-    run = Run(planned, epoch, checkpoints, checkpoint, float(record.run["wall_time_s"]), None)
+    run = Run(
+        planned=planned,
+        epoch=epoch,
+        checkpoints=checkpoints,
+        checkpoint=checkpoint,
+        wall_time_s=float(record.run["wall_time_s"]),
+        cpu_time_s=cpu_time_s(record) if record.env_steps else 0.0,
+        note=None,
+    )
     if record.env_steps > run.env_steps:
         start = f"{run.env_steps} env steps" if checkpoint else "the beginning"
         run.note = f"went on from {start}: what was newer is damaged or gone"

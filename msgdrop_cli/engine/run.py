@@ -125,6 +125,7 @@ class _Session:
             run.write_down("running", **known)
             cut_jsonl(run.path / METRICS, run.rows)
         self.clock = self.put_off_until = time.monotonic()
+        self.cpu_clock = time.process_time()
         self.steps_at_start = self.training.env_steps
         self.headline: list[float | None] = [None] * len(runs)
 
@@ -236,8 +237,14 @@ class _Session:
         return run.wall_time_s + time.monotonic() - self.clock
 
     def _progress_facts(self, run: Run) -> dict[str, Any]:
-        wall_time_s = round(self._wall_time(run), 3)
-        return {"env_steps": self.training.env_steps, "wall_time_s": wall_time_s}
+        facts = {
+            "env_steps": self.training.env_steps,
+            "wall_time_s": round(self._wall_time(run), 3),
+        }
+        if run.cpu_time_s is not None:
+            spent = time.process_time() - self.cpu_clock
+            facts["cpu_time_s"] = round(run.cpu_time_s + spent, 3)
+        return facts
 
     def _show_progress(self) -> None:
         """For people only: nothing is decided by what stands here."""

@@ -32,7 +32,7 @@ POLICY, PROGRESS = "policy.safetensors", "progress.json"
 """The files of a run folder, beside RUN."""
 Status = Literal["planned", "running", "done", "failed", "diverged", "interrupted"]
 FACTS = (
-    *("env_steps", "wall_time_s", "created", "versions", "commit"),
+    *("env_steps", "wall_time_s", "cpu_time_s", "created", "versions", "commit"),
     *("host", "device", "threads", "kernel", "metrics", "pretraining", "node"),
 )
 """What the engine knows about a run beside its plan."""

@@ -3,30 +3,21 @@
 import os
 import shutil
 import tempfile
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from statistics import median
-from typing import Any
 
 from msgdrop_cli.commands.parts import console
-from msgdrop_cli.commands.parts.shapes import Sizes, run_sizes
+from msgdrop_cli.commands.parts.paces import Paces
 from msgdrop_cli.commands.parts.survey import Survey
 from msgdrop_cli.commands.parts.words import size
 from msgdrop_cli.definition.cohorts import group
-from msgdrop_cli.definition.run_id import spec_to_dict
 from msgdrop_cli.definition.spec import PlannedRun
 from msgdrop_cli.errors import DefinitionError, RecordError
 from msgdrop_cli.records.files import CANNOT_CREATE, CANNOT_WRITE, take_lock
-from msgdrop_cli.records.setup import Setup, read_setup
 from msgdrop_cli.records.store import RunRecord, list_runs
 
-_RULE, _RULE_COMPILED = (0.2, 0.11), (0.1, 0.027)
-"""ms of an env step on one core, and of a million of `Sizes.work`, in torch and in C: lines through
-what benchmarks/throughput.py measured of all learners."""
-_RULE_FACTOR, _MEASURED_FACTOR = 2.0, 1.25
-"""Within what the rule is true (test_cli_estimate), and runs of equal work on a quiet machine."""
 _BYTES_AN_EPISODE = 130
 
 
@@ -38,7 +29,7 @@ class Estimate:
     seconds_range: tuple[float, float]
     """What it may be instead, at the fastest and at the slowest."""
     source: str
-    """Where the speed comes from."""
+    """Where the speed comes from, and what has to be true, in words."""
     disk_bytes: int
     """At the busiest moment; most of it is given back."""
     memory_bytes: int
@@ -62,37 +53,24 @@ def estimate(
     device: str,
     episodes: int,
     evaluations: int,
+    machine: int | None = None,
 ) -> Estimate:
     """Time, disk and memory for the cohorts `tasks`; `finished`: runs whose speed may be known.
 
-    episodes: of each of a run's `evaluations`. Loads torch, to measure the learner's size.
+    episodes: of each of a run's `evaluations`. machine: cores of the one that does it, if it is not
+    this one. Loads torch, to measure the learner's size.
     Raises DefinitionError for sizes that no machine can address.
     """
-    sizes = {run.run_id: run_sizes(run, episodes) for run in looked_up.pending}
-    source = "measured on finished runs like these"
-    busy = [(0.0, 0.0, 0.0)] * workers
-    for task in tasks:
-        alone = []
-        for run in task:
-            kernel = sizes[run.run_id].kernel if device == "cpu" else device
-            speeds = _measured_speeds(run, finished, device, kernel)
-            if not speeds:
-                source = "rule of thumb: not all of this was timed here before"
-            paces = _paces(speeds, sizes[run.run_id])
-            alone.append([looked_up.env_steps_left(run) / pace for pace in paces])
-        together: Callable[[Iterable[float]], float] = max if device == "cuda" else sum
-        taken = map(together, zip(*alone, strict=True))
-        free = busy.index(min(busy))
-        likely, least, most = map(sum, zip(busy[free], taken, strict=True))
-        busy[free] = likely, least, most
-    likely, least, most = map(max, zip(*busy, strict=True))
+    paces = Paces(finished, workers=workers, device=device, episodes=episodes, machine=machine)
+    left = [[(run, looked_up.env_steps_left(run)) for run in task] for task in tasks]
+    spent, source = paces.of(left)
     rows = episodes * evaluations * _BYTES_AN_EPISODE
-    kept = sum(sizes[run.run_id].kept + rows for run in looked_up.pending)
-    at_work = [sum(sizes[run.run_id].working for run in task) for task in tasks]
-    memory = [sum(sizes[run.run_id].memory for run in task) for task in tasks]
+    kept = sum(paces.sizes(run).kept + rows for run in looked_up.pending)
+    at_work = [sum(paces.sizes(run).working for run in task) for task in tasks]
+    memory = [sum(paces.sizes(run).memory for run in task) for task in tasks]
     return Estimate(
-        seconds=likely,
-        seconds_range=(least, most),
+        seconds=spent.likely,
+        seconds_range=(spent.least, spent.most),
         source=source,
         disk_bytes=kept + sum(sorted(at_work)[-workers:]),
         memory_bytes=sum(sorted(memory)[-workers:]),
@@ -146,52 +124,3 @@ def free_memory() -> int:
             if line.startswith("MemAvailable:"):
                 return int(line.split()[1]) * 1024
     return os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
-
-
-def _paces(speeds: Sequence[float], sizes: Sizes) -> tuple[float, float, float]:
-    """Env steps per second: the likely, the fastest and the slowest.
-
-    The range is that of what was measured, wide enough for what was not: starts and evaluations.
-    """
-    if not speeds:
-        rule = _rule_of_thumb(sizes)
-        return rule, rule * _RULE_FACTOR, rule / _RULE_FACTOR
-    likely = median(speeds)
-    fastest, slowest = likely * _MEASURED_FACTOR, likely / _MEASURED_FACTOR
-    return likely, max(fastest, *speeds), min(slowest, *speeds)
-
-
-def _rule_of_thumb(sizes: Sizes) -> float:
-    """Env steps per second: a part of the time does not depend on the size of the networks."""
-    once, each_million = _RULE if sizes.kernel.startswith("torch") else _RULE_COMPILED
-    return 1e3 / (once + each_million * sizes.work / 1e6)
-
-
-def _measured_speeds(
-    run: PlannedRun, finished: Sequence[RunRecord], device: str, kernel: str
-) -> list[float]:
-    """Env steps per second of the finished runs that had the same work to do.
-
-    Imported runs and those of an older program count only if the same machine, kernel and device
-    would do the work now; published ones, whose machine was of this kind, only without others.
-    """
-    from msgdrop_cli.engine import facts
-
-    made_by = {"device": device, "kernel": kernel, "host": facts.host()}
-    wanted = _work(read_setup(spec_to_dict(run.spec)))
-    alike = [
-        record
-        for record in finished
-        if made_by.items() <= record.run.items()
-        and float(record.run["wall_time_s"]) > 1.0
-        and record.env_steps
-        and _work(record.setup) == wanted
-    ]
-    nearest = [record for record in alike if record.is_own] or alike
-    return [record.env_steps / float(record.run["wall_time_s"]) for record in nearest]
-
-
-def _work(setup: Setup | None) -> Any:
-    """The settings that decide how much an env step costs; None for a record without any."""
-    keys = ("learner", "network", "batch_size", "update_every_env_steps", "replay_start_env_steps")
-    return setup and (setup.environment, [setup.algorithm.get(key) for key in keys])

@@ -18,6 +18,8 @@ _DEVICES = ("cpu", "cuda")
 _MOST_WORKERS = 256
 _AUTO = "auto"
 """Instead of seeds: those of the next registered look."""
+WORKERS = 2
+"""Processes that train and evaluate if nobody says how many."""
 _PROFILE = "quick"
 """The profile that is meant if none is named, where there are several."""
 

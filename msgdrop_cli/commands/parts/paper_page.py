@@ -5,7 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from msgdrop_cli import __version__
-from msgdrop_cli.analysis.provenance import Dropped, lost_runs, makers, runs_of_no_claim
+from msgdrop_cli.analysis.provenance import Dropped, lost_runs, makers, origin, runs_of_no_claim
 from msgdrop_cli.analysis.reproduction import Section, reproduce
 from msgdrop_cli.analysis.summary import Group, Summary
 from msgdrop_cli.commands.parts.answers import Answers, find_answers
@@ -38,8 +38,10 @@ def train(root: Path, means: Means) -> int:
     return train_missing(wanted_runs(sections, answers, catalogue()), finished, home, means)
 
 
-def paper_page(root: Path) -> Page:
+def paper_page(root: Path, *, workers: int, device: str) -> Page:
     """The page of the records in or below a folder. Loads torch and matplotlib.
+
+    workers, device: what is missing would be trained with, which decides how long it takes.
 
     Raises RecordError for a folder that cannot be read.
     """
@@ -47,7 +49,7 @@ def paper_page(root: Path) -> Page:
     from msgdrop_cli.engine.offers import catalogue
 
     answers, judged = _told(root)
-    sections = with_ways(judged, answers, catalogue())
+    sections = with_ways(judged, answers, catalogue(), workers=workers, device=device)
     summaries = {each.definition.name: each.summary for each in answers.answers}
     pictures = _pictures(sections, summaries)
     return Page(
@@ -62,6 +64,7 @@ def paper_page(root: Path) -> Page:
         makers=makers(answers.records),
         dropped=_dropped(answers),
         folder=str(root),
+        origin=origin([record for record in answers.records if record.status == "done"]),
         version=__version__,
         commit=commit(),
     )

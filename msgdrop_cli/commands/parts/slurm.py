@@ -51,6 +51,7 @@ def show_job_array(name: str, definition: Definition, options: TrainOptions) -> 
         device=options.device,
         episodes=one.evaluation_episodes,
         evaluations=len(one.channels),
+        machine=options.workers,
     )
     console.result(job_array(name, asked, options, element))
     return 0

@@ -11,7 +11,13 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from msgdrop_cli.commands.parts import console
-from msgdrop_cli.commands.parts.estimate import check_folder, check_memory, cohorts, estimate
+from msgdrop_cli.commands.parts.estimate import (
+    Estimate,
+    check_folder,
+    check_memory,
+    cohorts,
+    estimate,
+)
 from msgdrop_cli.commands.parts.progress import Watch, Watched
 from msgdrop_cli.commands.parts.survey import Survey, Wanted, survey
 from msgdrop_cli.commands.parts.words import duration, several
@@ -74,13 +80,14 @@ def train_missing(
         console.note("nothing to train")
         return 0
     tasks = _tasks(todo, root, means.device)
-    cost = _cost(todo, finished, root, means)
+    cost = _cost(todo, looked_up, finished, root, means)
     left_s = _LONGEST_S if means.ends is None else means.ends - time.monotonic()
     if left_s <= 0.0:
         console.note("the page alone takes all of the --budget; nothing is trained")
         return 0
     stop = "" if means.ends is None else f", stopped after {duration(left_s)}: the page comes after"
-    console.note(f"{several(len(todo), 'run')} to train, about {duration(cost)}{stop}")
+    time_s = f"about {duration(cost.seconds)} ({cost.source})"
+    console.note(f"{several(len(todo), 'run')} to train, {time_s}{stop}")
     delete_leftovers(looked_up.own)
     watched = [
         Watched(
@@ -122,12 +129,17 @@ def _tasks(todo: Sequence[Wanted], root: Path, device: str) -> list[Task]:
     ]
 
 
-def _cost(todo: Sequence[Wanted], finished: Sequence[RunRecord], root: Path, means: Means) -> float:
-    """Seconds for all of it, after a check of memory and disk; one seed stands for the others."""
-    first = todo[0].run.spec.seed
-    runs = tuple(each.run for each in todo if each.run.spec.seed == first)
-    one = estimate(
-        Survey(runs=runs, records={}),
+def _cost(
+    todo: Sequence[Wanted],
+    looked_up: Survey,
+    finished: Sequence[RunRecord],
+    root: Path,
+    means: Means,
+) -> Estimate:
+    """What all of it takes, after a check of memory and disk."""
+    runs = tuple(each.run for each in todo)
+    cost = estimate(
+        replace(looked_up, runs=runs),
         cohorts(runs, means.device),
         finished,
         workers=means.workers,
@@ -135,9 +147,9 @@ def _cost(todo: Sequence[Wanted], finished: Sequence[RunRecord], root: Path, mea
         episodes=max(each.episodes for each in todo),
         evaluations=max(len(each.channels) for each in todo),
     )
-    check_memory(one.memory_bytes, means.device)
-    check_folder(root, one.disk_bytes)  # the next seeds add their logs and policies alone
-    return one.seconds * len(todo) / len(runs)
+    check_memory(cost.memory_bytes, means.device)
+    check_folder(root, cost.disk_bytes)
+    return cost
 
 
 def _place(run: PlannedRun, looked_up: Survey, root: Path) -> Path:

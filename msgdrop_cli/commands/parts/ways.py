@@ -8,8 +8,9 @@ from msgdrop_cli.analysis.reproduction import Answer, Decides, Line, Section
 from msgdrop_cli.analysis.sign_flips import smallest_p
 from msgdrop_cli.analysis.verdict import Word
 from msgdrop_cli.commands.parts.answers import Answers, Scale, whole
-from msgdrop_cli.commands.parts.estimate import estimate
-from msgdrop_cli.commands.parts.survey import Survey, Wanted, survey_among, wanted_of
+from msgdrop_cli.commands.parts.estimate import cohorts
+from msgdrop_cli.commands.parts.paces import Paces
+from msgdrop_cli.commands.parts.survey import Wanted, survey_among, wanted_of
 from msgdrop_cli.definition.catalogue import Catalogue
 from msgdrop_cli.definition.figures import all_figures
 from msgdrop_cli.definition.plan import Plan, plan
@@ -22,10 +23,21 @@ _PAPER = "paper"
 
 
 def with_ways(
-    sections: Sequence[Section], answers: Answers, catalogue: Catalogue
+    sections: Sequence[Section],
+    answers: Answers,
+    catalogue: Catalogue,
+    *,
+    workers: int,
+    device: str,
 ) -> tuple[Section, ...]:
-    """The same sections; every line has its command, and the open ones what would decide them."""
-    guides = _guides(sections, answers, catalogue)
+    """The same sections; every line has its command, and the open ones what would decide them.
+
+    workers, device: what it would be trained with.
+    """
+    every = (*answers.records, *answers.others)
+    finished = [record for record in every if record.status == "done"]
+    paces = Paces(finished, workers=workers, device=device)
+    guides = _guides(sections, answers, catalogue, paces)
     completed = []
     for section in sections:
         lines = (guides[line.question].complete(line, section.key) for line in section.lines)
@@ -37,7 +49,7 @@ def wanted_runs(
     sections: Sequence[Section], answers: Answers, catalogue: Catalogue
 ) -> list[Wanted]:
     """The runs that open claims lack for their next registered look that can decide them."""
-    guides = _guides(sections, answers, catalogue)
+    guides = _guides(sections, answers, catalogue, Paces([], workers=1, device="cpu"))
     return [
         wanted
         for section in sections
@@ -48,9 +60,11 @@ def wanted_runs(
 
 
 def _guides(
-    sections: Sequence[Section], answers: Answers, catalogue: Catalogue
+    sections: Sequence[Section], answers: Answers, catalogue: Catalogue, paces: Paces
 ) -> "dict[str, _Guide]":
-    guides = {each.definition.name: _Guide(each, answers, catalogue) for each in answers.answers}
+    guides = {
+        each.definition.name: _Guide(each, answers, catalogue, paces) for each in answers.answers
+    }
     lines = [line for section in sections for line in section.lines]
     for guide in guides.values():
         guide.prefer([line for line in lines if line.question == guide.definition.name])
@@ -60,18 +74,18 @@ def _guides(
 class _Guide:
     """Knows the scales of one question, and what their runs cost here."""
 
-    def __init__(self, answer: Answer, answers: Answers, catalogue: Catalogue) -> None:
+    def __init__(
+        self, answer: Answer, answers: Answers, catalogue: Catalogue, paces: Paces
+    ) -> None:
         self.definition = answer.definition
-        self.answers, self.catalogue = answers, catalogue
+        self.answers, self.catalogue, self.paces = answers, catalogue, paces
         self.done: dict[tuple[str, str, str], set[int]] = {}
         self.lost: dict[tuple[str, str, str], frozenset[int]] = {}
         for arm in answer.summary.arms:
             key = (arm.group.environment, arm.variant, arm.group.profile)
             self.done[key] = {record.seed for record in arm.done}
             self.lost[key] = arm.lost
-        self.finished = [r for r in (*answers.records, *answers.others) if r.status == "done"]
         self.plans: dict[Scale, Plan] = {}
-        self.seconds: dict[tuple[Scale, str, str], float] = {}
         self.usual: Scale | None = None
         self.lines: Sequence[Line] = ()
 
@@ -189,31 +203,18 @@ class _Guide:
             return None
         seeds = prospect.seeds if prospect else look or 0
         lacking = self._lacking(scale, line.environment, arms, seeds)
-        seconds = sum(self._a_run(scale, line.environment, each.run.variant) for each in lacking)
+        tasks = cohorts([each.run for each in lacking], self.paces.device)
+        whole_runs = [[(run, run.spec.training.train_env_steps) for run in task] for task in tasks]
+        spent, source = self.paces.of(whole_runs)
         return Decides(
             seeds=seeds,
             forecast=prospect is not None,
             registered=seeds in rule.looks,
             runs=len(lacking),
-            seconds=seconds,
+            seconds=spent.likely,
+            source=source,
             family=waits,
         )
-
-    def _a_run(self, scale: Scale, environment: str, variant: str) -> float:
-        """Seconds that one run takes here, on one core."""
-        key = (scale, environment, variant)
-        if key not in self.seconds:
-            run = self._planned(scale, environment, variant)
-            self.seconds[key] = estimate(
-                Survey(runs=(run,), records={}),
-                [(run,)],
-                self.finished,
-                workers=1,
-                device="cpu",
-                episodes=1,
-                evaluations=1,
-            ).seconds
-        return self.seconds[key]
 
     def _planned(self, scale: Scale, environment: str, variant: str) -> PlannedRun:
         return next(

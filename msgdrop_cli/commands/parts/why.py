@@ -9,13 +9,17 @@ from typing import Any
 
 from msgdrop_cli.analysis.labels import leaves
 from msgdrop_cli.commands.parts.find_references import home_of
+from msgdrop_cli.commands.parts.options import WORKERS
+from msgdrop_cli.commands.parts.paces import Paces
+from msgdrop_cli.commands.parts.words import about, several
 from msgdrop_cli.definition.catalogue import Catalogue
 from msgdrop_cli.definition.load import list_definitions, load_definition
 from msgdrop_cli.definition.overrides import SECTIONS
 from msgdrop_cli.definition.plan import Plan, plan
 from msgdrop_cli.definition.readings import all_readings, apart
 from msgdrop_cli.definition.registration import registered_as
-from msgdrop_cli.definition.run_id import spec_to_dict
+from msgdrop_cli.definition.run_id import spec_from_dict, spec_to_dict
+from msgdrop_cli.definition.spec import PlannedRun
 from msgdrop_cli.errors import DefinitionError
 from msgdrop_cli.records.counted import preferred
 from msgdrop_cli.records.files import LOCK
@@ -38,6 +42,46 @@ class Why:
     records: tuple[RunRecord, ...]
     command: str
     """What to type; empty where nothing helps."""
+
+    @property
+    def is_to_be_trained(self) -> bool:
+        """Whether the command trains these runs, as far as they have not come yet."""
+        return self.word in ("planned", "killed", "interrupted", "failed")
+
+
+def times(found: Iterable[Why], records: Iterable[RunRecord], catalogue: Catalogue) -> list[str]:
+    """How long each command takes here with as many workers as it has by itself, in words.
+
+    Empty where nothing is trained, or where it is not known what: a game or learner that is not
+    here. records: whose speed may be known. Loads torch.
+    """
+    finished = [record for record in records if record.status == "done"]
+    paces = Paces(finished, workers=WORKERS, device="cpu")
+    return [_time(each, paces, catalogue) for each in found]
+
+
+def _time(found: Why, paces: Paces, catalogue: Catalogue) -> str:
+    if not found.is_to_be_trained:
+        return ""
+    try:
+        tasks = [[_left(record, catalogue)] for record in found.records]
+        spent, source = paces.of(tasks)
+    except DefinitionError:
+        return ""
+    return f"{about(*spent)} with {several(min(WORKERS, len(tasks)), 'worker')} ({source})"
+
+
+def _left(record: RunRecord, catalogue: Catalogue) -> tuple[PlannedRun, int]:
+    spec = spec_from_dict(record.spec, catalogue)
+    run = PlannedRun(
+        run_id=record.run_id,
+        variant=record.variant,
+        label=record.label,
+        definition=record.definition,
+        profile=record.profile,
+        spec=spec,
+    )
+    return run, max(0, spec.training.train_env_steps - record.env_steps)
 
 
 def reasons(records: Iterable[RunRecord], catalogue: Catalogue) -> list[Why]:

@@ -14,7 +14,13 @@ from msgdrop_cli.report.table import Table
 
 def about(page: Page) -> list[Html]:
     """The sections, in their order."""
-    return [_unclaimed(page), _deviations(page), _dropped(page.dropped), _makers(page), _words()]
+    return [
+        _unclaimed(page),
+        _deviations(page),
+        _dropped(page.dropped),
+        _makers(page),
+        _words(page),
+    ]
 
 
 def grid(headers: Sequence[str], rows: Iterable[Sequence[str]], caption: str = "") -> Html:
@@ -118,14 +124,14 @@ def _makers(page: Page) -> Html:
     parts = [
         el("p", f"{sum(each.runs for each in page.makers)} runs took {hours:.1f} hours to train, "
            f"one after the other. {made} made this page of the records in ",
-           el("code", page.folder), "."),
+           el("code", page.folder), f"; {page.origin}." if page.origin else "."),
     ]  # fmt: skip
     if rows:
         parts.append(grid(headers, rows))
     return el("section", el("h2", "Machines, kernels, commits"), *parts, id="machines")
 
 
-def _words() -> Html:
+def _words(page: Page) -> Html:
     terms = [
         join(el("dt", chip(word)), el("dd", f"{meaning}.")) for word, meaning in MEANINGS.items()
     ]
@@ -136,7 +142,7 @@ def _words() -> Html:
         "the smallest that p can be with so many seeds. The interval is what the test does not "
         "reject (of fewer than six seeds lowest to highest, dashed); the band around zero is the "
         "margin of level. Of several scales of one reading the largest counts that has reached a "
-        "registered look. Minutes are of one core here, one run after the other."
+        f"registered look. {page.times()}"
     )
     return el("section", el("h2", "How the words come about"), el("dl", *terms), el("p", rule),
               id="words")  # fmt: skip

@@ -62,6 +62,8 @@ class Page:
     dropped: tuple[Dropped, ...]
     folder: str
     """Where the records are."""
+    origin: str
+    """Which of their finished runs are published; empty without any."""
     version: str
     commit: str | None
     """Of the program that made the page."""
@@ -86,6 +88,13 @@ class Page:
         names = sorted({name for each in found for name in each})
         return f"reading {names[0]}" if len(names) == 1 else "other readings"
 
+    def times(self) -> str:
+        """What minutes on the page assume."""
+        found = dict.fromkeys(line.decides.source for line in self.lines if line.decides)
+        told = "; or ".join(source for source in found if source)
+        estimate = "Minutes are those of msgdrop ablate --dry-run for the same runs"
+        return f"{estimate} ({told})." if told else f"{estimate}."
+
     def document(self) -> dict[str, Any]:
         """The page for programs; pictures and tables, which are made of the same, left out."""
         return {
@@ -94,6 +103,7 @@ class Page:
             "msgdrop": self.version,
             "commit": self.commit,
             "records": self.folder,
+            "origin": self.origin,
             "counts": self.counts,
             "counts_under_other_readings": self.under_readings(),
             "sections": [asdict_plain(section) for section in self.sections],

@@ -38,7 +38,7 @@ def _counts(page: Page) -> Table:
             (word, str(count), str(other[word]), MEANINGS[word])
             for word, count in page.counts.items()
         ),
-        caption="",
+        caption=page.times(),
     )
 
 
@@ -130,5 +130,6 @@ def _makers(page: Page) -> Table:
         title="Machines, kernels, commits",
         headers=headers,
         rows=tuple(rows),
-        caption=f"Made by msgdrop {page.version} of the records in {page.folder}.",
+        caption=f"Made by msgdrop {page.version} of the records in {page.folder}"
+        f"{f'; {page.origin}' if page.origin else ''}.",
     )
