@@ -1,12 +1,15 @@
 """`msgdrop diff`: what two runs or two variants do not have in common."""
 
 import json
+from collections import Counter
 from pathlib import Path
 
 import pytest
 
 from msgdrop_cli.analysis.comparison import compare
 from msgdrop_cli.analysis.intervals import mean_interval
+from msgdrop_cli.commands.parts import console
+from msgdrop_cli.report.table import Table
 from tests.cli_runs import msgdrop
 from tests.fake_runs import write_run
 
@@ -29,8 +32,8 @@ def test_variants_are_compared_seed_by_seed(root: Path) -> None:
     said = msgdrop("diff", "dcc", "md-0.2", "--results", root, "--json")
     assert said.code == 0, said.err
     [found] = json.loads(said.out)
-    assert found["settings"] == {"algorithm.rate": ["0.0", "0.2"]}
-    assert found["made_with"] == {"commit": ["0123456789ab", "fedcba"], "kernel": ["-", "c-dcc"]}
+    assert found["settings"] == {"algorithm.rate": [0.0, 0.2]}
+    assert found["made_with"] == {"commit": ["0123456789ab", "fedcba"], "kernel": [None, "c-dcc"]}
     first = found["evaluations"][0]
     low, high = mean_interval([1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0]) or (None, None)
     assert first == {
@@ -87,3 +90,34 @@ def test_a_variant_with_two_setups_is_asked_about(root: Path) -> None:
     said = msgdrop("diff", "dcc", "md-0.2", "--results", root)
     assert said.code == 2
     assert "dcc: which one, nothing overridden or algorithm.gamma=0.9? name a run id" in said.err
+
+
+def test_runs_of_a_side_that_disagree_are_all_told(root: Path) -> None:
+    """In JSON as a list of what they say, in the terminal side by side."""
+    write_run(root, "md-0.2", 9, algorithm={"rate": 0.2}, commit="abc", threads=2)
+    said = msgdrop("diff", "dcc", "md-0.2", "--results", root, "--json")
+    [found] = json.loads(said.out)
+    assert found["made_with"]["commit"] == ["0123456789ab", ["abc", "fedcba"]]
+    assert found["made_with"]["threads"] == [None, 2]
+    assert "abc, fedcba" in msgdrop("diff", "dcc", "md-0.2", "--results", root).out
+
+
+def test_what_is_no_name_is_refused(root: Path) -> None:
+    """An empty word would be the folder that we are in."""
+    said = msgdrop("diff", "", "dcc", "--results", root)
+    assert (said.code, said.out) == (2, "")
+    assert "expected a variant, a run id or a folder, not ''" in said.err
+
+
+def test_words_are_never_left_out_for_want_of_room(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Long ones go on in the next line, whole to the last letter; numbers have their own rule."""
+    monkeypatch.setattr(console, "_PIPED_WIDTH", 60)
+    rows = (("commit", f"{'a' * 39}b, {'c' * 39}d", f"{'e' * 39}f"), ("kernel", "c-dcc", "torch"))
+    table = Table(title="besides", headers=("made with", "first", "second"), rows=rows, caption="")
+    console.table(table, numbers_from=3)
+    said = capsys.readouterr().out
+    assert max(map(len, said.splitlines())) <= 60
+    assert Counter(said) & Counter("acebdf" * 40) >= Counter("a" * 39 + "c" * 39 + "e" * 39 + "bdf")
+    assert "no room" not in said

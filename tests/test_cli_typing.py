@@ -180,7 +180,7 @@ def test_set_help_says_what_settings_mean(question: Path) -> None:
     assert "algorithm.gamma=0.9 " in said.out
     assert "Probability of dropping a message" in said.out
     rows = json.loads(msgdrop("train", "--set", "help", "--json").out)
-    assert {"setting": "algorithm.gamma", "value": "0.99", "meaning": "Discount."} in rows
+    assert {"setting": "algorithm.gamma", "value": 0.99, "meaning": "Discount."} in rows
 
 
 def test_list_is_the_list_of_questions() -> None:

@@ -1,14 +1,16 @@
 """`msgdrop config show`: every setting of a run, its value, and where that comes from."""
 
 import json
+from typing import Any
 
 import pytest
 
 from msgdrop_cli.commands.parts import vocabulary
+from msgdrop_cli.commands.parts.sources import notation
 from msgdrop_cli.definition.load import list_definitions
 from tests.cli_runs import msgdrop
 
-Row = dict[str, str]
+Row = dict[str, Any]
 
 
 def shown(*arguments: str) -> dict[str, Row]:
@@ -33,7 +35,7 @@ def test_a_value_comes_from_the_last_who_says_it(setting: str, value: str, origi
     """Each kind of place: variant, profile, --set, --reading, the paper's sizes, nobody."""
     changes = ("--set", "algorithm.gamma=0.9", "--reading", "capture-once")
     row = shown("dropout-rate", "--variant", "md-0.5", *changes)[setting]
-    assert (row["value"], row["origin"]) == (value, origin)
+    assert (notation(row["value"]), row["origin"]) == (value, origin)
 
 
 def test_what_an_algorithms_name_means_is_said() -> None:
@@ -50,7 +52,7 @@ def test_what_is_called_a_default_is_one(name: str) -> None:
         for each in section.settings
     }
     rows = [row for row in shown(name).values() if row["origin"] == "default"]
-    assert {(row["setting"], row["value"]) for row in rows} <= defaults
+    assert {(row["setting"], notation(row["value"])) for row in rows} <= defaults
     assert rows
 
 
@@ -62,6 +64,16 @@ def test_values_are_those_that_train_would_have() -> None:
     assert {row["setting"]: row["value"] for row in helped} == {
         setting: row["value"] for setting, row in rows.items()
     }
+
+
+def test_values_are_what_they_are_in_json() -> None:
+    """Numbers, truth values and lists, not their notation; so is what differs between two runs."""
+    rows = shown("--algorithm", "dcc")
+    assert [rows[f"algorithm.{key}"]["value"] for key in ("rate", "batch_size", "f_units")] == [
+        0.0, 32, [64, 48],
+    ]  # fmt: skip
+    assert rows["environment.capture_reward_once"]["value"] is False
+    assert rows["training.channel"]["value"] == "links:0"
 
 
 def test_the_line_of_the_paper_is_named() -> None:

@@ -21,9 +21,9 @@ class Differing(NamedTuple):
     """A fact of which the two sides say different things."""
 
     name: str
-    one: str
-    other: str
-    """All that its runs say, sorted; `-` for nothing."""
+    one: tuple[Any, ...]
+    other: tuple[Any, ...]
+    """All that its runs say, each value once, sorted as words."""
 
 
 class Difference(NamedTuple):
@@ -118,9 +118,15 @@ def _differing(
     sides = [[facts(run) for run in side] for side in (one, other)]
     names = dict.fromkeys(name for side in sides for each in side for name in each)
     rows = [Differing(name, *(_said(side, name) for side in sides)) for name in names]
-    return tuple(row for row in rows if row.one != row.other)
+    # As words: True and 1 are equal, and not alike.
+    return tuple(row for row in rows if in_words(row.one) != in_words(row.other))
 
 
-def _said(side: Sequence[dict[str, Any]], name: str) -> str:
-    said = {str(each[name]) for each in side if each.get(name) is not None}
-    return ", ".join(sorted(said)) or "-"
+def _said(side: Sequence[dict[str, Any]], name: str) -> tuple[Any, ...]:
+    said = {str(each[name]): each[name] for each in side if each.get(name) is not None}
+    return tuple(said[words] for words in sorted(said))
+
+
+def in_words(values: Sequence[Any]) -> str:
+    """What a side says of a fact; `-` for nothing."""
+    return ", ".join(map(str, values)) or "-"

@@ -1,7 +1,7 @@
 """`msgdrop config show`: every setting of a run, its value, and where that comes from."""
 
 from collections.abc import Sequence
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -77,7 +77,9 @@ def config(
         console.result_json(rows)
         return 0
     said = {
-        f"{row['setting']}={row['value']}": "; ".join(filter(None, (row["origin"], row["source"])))
+        f"{row['setting']}={sources.notation(row['value'])}": "; ".join(
+            filter(None, (row["origin"], row["source"]))
+        )
         if origin
         else row["meaning"]
         for row in rows
@@ -104,7 +106,7 @@ def _rows(
     profile: str | None,
     overrides: list[str] | None,
     readings: list[str] | None,
-) -> list[dict[str, str]]:
+) -> list[dict[str, Any]]:
     """A row a setting of the one run that is meant; loads torch."""
     from msgdrop_cli.definition.origins import DEFAULT, origins
     from msgdrop_cli.engine.offers import catalogue
@@ -127,7 +129,7 @@ def _rows(
     return [
         {
             "setting": f"{section.name}.{s.key}",
-            "value": sources.notation(getattr(configs[section.name], s.key)),
+            "value": getattr(configs[section.name], s.key),
             "origin": told.get(f"{section.name}.{s.key}", DEFAULT),
             "source": s.source,
             "meaning": s.meaning,

@@ -52,6 +52,8 @@ def diff(
 
 def _side(text: str, root: Path) -> dict["Group", list[RunRecord]]:
     """The runs that are meant, by what must be alike in them."""
+    if not text:  # a Path takes it for the folder we are in
+        raise DefinitionError("diff: expected a variant, a run id or a folder, not ''")
     from msgdrop_cli.analysis.summary import Group, once_each
 
     if Path(text).is_dir():
@@ -75,11 +77,15 @@ def _side(text: str, root: Path) -> dict["Group", list[RunRecord]]:
 
 
 def _show(title: str, found: "Comparison") -> None:
+    from msgdrop_cli.analysis.comparison import in_words
     from msgdrop_cli.report.table import Table
 
-    for name, rows in (("setting", found.settings), ("made with", found.made_with)):
-        if rows:
+    for name, differing in (("setting", found.settings), ("made with", found.made_with)):
+        if differing:
             headers = (name, "first", "second")
+            rows = tuple(
+                (each.name, in_words(each.one), in_words(each.other)) for each in differing
+            )
             console.table(
                 Table(title=title, headers=headers, rows=rows, caption=""),
                 numbers_from=len(headers),
@@ -138,5 +144,10 @@ def _json(group: "Group", found: "Comparison") -> dict[str, Any]:
     }
 
 
-def _facts(rows: Sequence["Differing"]) -> dict[str, list[str]]:
-    return {row.name: [row.one, row.other] for row in rows}
+def _facts(rows: Sequence["Differing"]) -> dict[str, list[Any]]:
+    """What each side says, as its records do; a list of all where its runs are not agreed."""
+    return {row.name: [_agreed(row.one), _agreed(row.other)] for row in rows}
+
+
+def _agreed(values: Sequence[Any]) -> Any:
+    return list(values) if len(values) > 1 else next(iter(values), None)

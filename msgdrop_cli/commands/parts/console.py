@@ -90,7 +90,8 @@ def facts(rows: Mapping[str, str], *, is_result: bool = False) -> None:
 def table(shown: "Table", *, numbers_from: int = 1) -> None:
     """Show a table of results with its title and caption.
 
-    numbers_from: the first column that holds numbers, which stand to the right.
+    numbers_from: the first column that holds numbers, which stand to the right. In a table of words
+    alone no column is left out for want of room: words go on in the next line.
     """
     from rich import box
     from rich.padding import Padding
@@ -98,7 +99,10 @@ def table(shown: "Table", *, numbers_from: int = 1) -> None:
     from rich.text import Text
 
     console = _console(sys.stdout)
-    widths = _widths(shown.headers, shown.rows, console.width)
+    of_words = numbers_from >= len(shown.headers)
+    widths: list[Any] = [None] * len(shown.headers)  # rich's business
+    if not of_words:
+        widths = _widths(shown.headers, shown.rows, console.width)
     grid = RichTable(
         box=box.SIMPLE_HEAD,
         padding=(0, _GAP - 1, 0, 0),
@@ -109,7 +113,7 @@ def table(shown: "Table", *, numbers_from: int = 1) -> None:
     for number, header in enumerate(shown.headers[: len(widths)]):
         side: Any = "left" if number < numbers_from else "right"
         # Headers may be broken into lines, numbers never: half a number is a wrong one.
-        grid.add_column(Text(header), justify=side, width=widths[number])
+        grid.add_column(Text(header), justify=side, width=widths[number], overflow="fold")
     for row in shown.rows:
         grid.add_row(*map(Text, row[: len(widths)]))
     parts: list[Any] = ["", Text(shown.title, style="bold"), "", grid]

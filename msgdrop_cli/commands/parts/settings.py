@@ -57,11 +57,7 @@ def show_settings(definition: Definition, options: TrainOptions, *, as_json: boo
     }
     algorithm = str(definition.variants[run.variant].algorithm["name"])
     rows = [
-        (
-            f"{section.name}.{s.key}",
-            sources.notation(getattr(configs[section.name], s.key)),
-            s.meaning,
-        )
+        (f"{section.name}.{s.key}", getattr(configs[section.name], s.key), s.meaning)
         for section in vocabulary.sections(spec.environment, algorithm)
         for s in section.settings
     ]
@@ -70,5 +66,6 @@ def show_settings(definition: Definition, options: TrainOptions, *, as_json: boo
         console.result_json([dict(zip(names, row, strict=True)) for row in rows])
         return 0
     console.note(f"as {run.label} on {spec.environment} has them, profile {run.profile}\n")
-    console.facts({f"{path}={value}": meaning for path, value, meaning in rows}, is_result=True)
+    said = {f"{path}={sources.notation(value)}": meaning for path, value, meaning in rows}
+    console.facts(said, is_result=True)
     return 0
