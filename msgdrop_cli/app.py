@@ -41,8 +41,8 @@ _LACKS = (
 )
 """What libraries and Python say for want of memory where it is no MemoryError."""
 
-_BAD_VALUE = re.compile(r"Invalid value for '(--[a-z0-9-]+)[^']*': ")
-"""How typer begins what is said of an option's value; ours begins with the option."""
+_BAD_VALUE = re.compile(r"Invalid value for '([^' ]+)[^']*': ")
+"""How typer begins what is said of a value; ours begins with the option or argument."""
 
 
 class _Commands(Mapping[str, Any]):

@@ -58,6 +58,7 @@ def import_archives(
 
     Everything is checked before anything is written. A run that is there already is left alone.
     """
+    options.check_place(results, "--results")
     from msgdrop_cli.engine.offers import catalogue
 
     with scratch_folder() as scratch:

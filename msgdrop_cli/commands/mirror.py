@@ -57,6 +57,8 @@ def mirror(
     """
     if to not in MIRRORS:
         raise DefinitionError(f"--to: {to[:40]!r} is unknown; {nearest(to[:40], MIRRORS)}")
+    if into is not None:
+        options.check_place(into, "--into")
     from msgdrop_cli.report.mirroring import Mirroring  # not for every TAB
     from msgdrop_cli.stopping import Stopped, graceful_stop
 

@@ -45,6 +45,7 @@ def publish(
     The numbers of every run go along, the policy of each variant's lowest seed. Tables and figures
     are of all runs that are published then, those of before included; SHA256SUMS lists every file.
     """
+    options.check_place(to, "--to")
     definition = load_definition(name)
     profile = options.chosen_profile(definition, profile)
     chosen = options.chosen_seeds(seed, seeds)

@@ -1,6 +1,6 @@
 """`msgdrop replay`: one episode of a trained policy, as a page, a moving picture or a film."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated
 
@@ -44,8 +44,8 @@ def replay(
     """
     episode.check_seed(seed)
     through = episode.asked_channel(broken_links, channel)
-    files = [file for file in (html, gif, mp4) if file is not None]
-    _check_files(files)
+    asked = {"--html": html, "--gif": gif, "--mp4": mp4}
+    _check_files({option: file for option, file in asked.items() if file is not None})
     from msgdrop_cli.engine.episode import play_episode
     from msgdrop_cli.engine.policy import check_trained
     from msgdrop_cli.report.replay import film, moving_picture, page
@@ -60,12 +60,15 @@ def replay(
     return 0
 
 
-def _check_files(files: Sequence[Path]) -> None:
-    """Refuse nothing at all, one file for two things, and what is there and is no file."""
+def _check_files(files: Mapping[str, Path]) -> None:
+    """Refuse nothing at all, one file for two things, and what is no file or cannot become one."""
     if not files:
         raise DefinitionError("replay: say what to write: --html FILE, --gif FILE or --mp4 FILE")
-    for number, file in enumerate(files):
-        if file.resolve() in [each.resolve() for each in files[:number]]:
-            raise DefinitionError(f"{file}: would be written twice; name a file for each")
+    taken = set[Path]()
+    for option, file in files.items():
+        if file.resolve() in taken:
+            raise DefinitionError(f"{option}: {file}: would be written twice; name a file for each")
         if file.exists() and not file.is_file():
-            raise DefinitionError(f"{file}: is there and is no file; name another")
+            raise DefinitionError(f"{option}: {file}: is there and is no file; name another")
+        options.check_place(file, option)
+        taken.add(file.resolve())

@@ -1,5 +1,7 @@
 """The options that several commands share, and the checks that need nothing heavy."""
 
+import os
+import shlex
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
@@ -11,8 +13,9 @@ from msgdrop_cli.definition.channel import WORDS
 from msgdrop_cli.definition.load import list_askable
 from msgdrop_cli.definition.plan import parse_seeds
 from msgdrop_cli.definition.spec import MOST_EPISODES, Definition
-from msgdrop_cli.definition.strict import Where, whole_number
-from msgdrop_cli.errors import DefinitionError, nearest
+from msgdrop_cli.definition.strict import Where, one_line, whole_number
+from msgdrop_cli.errors import DefinitionError, RecordError, nearest
+from msgdrop_cli.records.files import CANNOT_CREATE
 
 _DEVICES = ("cpu", "cuda")
 _MOST_WORKERS = 256
@@ -25,7 +28,13 @@ _PROFILE = "quick"
 
 
 def path(text: str | Path) -> Path:
-    """A path as people type it: shells leave the `~` of `--results=~/x` to us."""
+    """A path as people type it: shells leave the `~` of `--results=~/x` to us.
+
+    Nothing at all is refused: it is what an unset variable leaves, and would be the folder we are
+    in.
+    """
+    if not str(text):
+        raise typer.BadParameter("expected a path, not ''")
     try:
         return Path(text).expanduser()
     except RuntimeError as error:
@@ -195,6 +204,7 @@ def train_options(
 
     check_workers(workers)
     check_device_name(device)
+    check_place(results, "--results")
     auto = seeds == _AUTO and seed is None
     return TrainOptions(
         profile=profile,
@@ -230,6 +240,19 @@ def chosen_profile(definition: Definition, profile: str | None) -> str:
         where = Where(definition.file).at("profiles")
         raise where.error(f"which one is meant? --profile {' or '.join(known)}")
     return known[0] if len(known) == 1 else _PROFILE
+
+
+def check_place(named: Path, option: str) -> None:
+    """Refuse (RecordError, 73) to write to what lies in a folder that is not there.
+
+    What is named is made, a file or a folder; what it lies in is not, for nobody has named that,
+    and a mistyped path would become folders that nobody looks for.
+    """
+    folder = named.parent
+    if not os.path.lexists(named) and not os.path.lexists(folder):
+        make = shlex.join(["mkdir", "-p", str(folder)])
+        problem = f"{option}: {named}: cannot be created: {folder} is not there ({make})"
+        raise RecordError(one_line(problem), CANNOT_CREATE)
 
 
 def check_workers(workers: int) -> None:
