@@ -12,7 +12,7 @@ from typing import Any
 
 import pytest
 
-from msgdrop_cli.errors import to_install
+from msgdrop_cli.errors import RecordError, to_install
 from msgdrop_cli.records.files import append_jsonl, cut_jsonl
 from msgdrop_cli.records.store import RunRecord, list_runs
 from msgdrop_cli.report import mirrors
@@ -123,6 +123,71 @@ def test_the_records_stay_as_they_are(results: Path, tmp_path: Path, monkeypatch
     after = {path: path.read_bytes() for path in results.rglob("*") if path.is_file()}
     assert {path: after[path] for path in before} == before
     assert {*after} - {*before} == {results / "mirrors" / "tensorboard" / "mirrored.json"}
+
+
+def change_row(log: Path, **changes: object) -> None:
+    """The first row of a log says something else."""
+    first, *rest = log.read_text().splitlines()
+    changed = json.dumps({**json.loads(first), **changes})
+    log.write_text("\n".join([changed, *rest, ""]))
+
+
+@pytest.mark.parametrize(
+    ("log", "key", "value"),
+    [
+        ("episodes.jsonl", "steps", "x"),
+        ("episodes.jsonl", "return", None),
+        ("metrics.jsonl", "env_steps", 1e99),
+    ],
+)
+def test_rows_that_are_none_of_ours_are_an_error_in_a_line(
+    results: Path, tmp_path: Path, log: str, key: str, value: object
+) -> None:
+    """What somebody else's log says is no reason for a traceback."""
+    record = list_runs(results)[0]
+    change_row(record.path / log, **{key: value})
+    with pytest.raises(RecordError, match=log):
+        Mirroring(Fake(tmp_path), tmp_path).copy([record])
+
+
+def test_a_time_that_is_none_is_no_time(results: Path, tmp_path: Path) -> None:
+    """The row is copied all the same."""
+    record = list_runs(results)[0]
+    change_row(record.path / "metrics.jsonl", wall_time_s="a while")
+    fake = Fake(tmp_path)
+    assert Mirroring(fake, tmp_path).copy([record]) == 4 + 1
+    assert "time/fps" not in fake.added[0][2]
+
+
+@pytest.mark.parametrize("mark", ["[]", '{"a": 1}', '{"a": {"env_steps": "x", "episodes": {}}}'])
+def test_a_mark_from_others_is_checked(results: Path, tmp_path: Path, mark: str) -> None:
+    """It comes along with a results folder."""
+    (tmp_path / "mirrored.json").write_text(mark)
+    with pytest.raises(RecordError, match="remove the folder"):
+        Mirroring(Fake(tmp_path), tmp_path)
+
+
+@pytest.mark.parametrize("link", ["mirrors", "mirrors/tensorboard"])
+def test_nothing_is_written_through_a_link(
+    results: Path, tmp_path: Path, monkeypatch: Any, link: str
+) -> None:
+    """Of somebody's results folder, which could lead anywhere."""
+    monkeypatch.setitem(mirrors.MIRRORS, "tensorboard", Fake)
+    (elsewhere := tmp_path / "elsewhere").mkdir()
+    (results / link).parent.mkdir(exist_ok=True)
+    (results / link).symlink_to(elsewhere)
+    said = msgdrop("mirror", results)
+    assert said.code == 73
+    assert "is a symbolic link" in said.err
+    assert not list(elsewhere.iterdir())
+
+
+def test_no_run_is_mirrored_through_a_link(results: Path, tmp_path: Path) -> None:
+    """Nor the folder of a run in the mirror."""
+    (into := tmp_path / "into").mkdir()
+    (into / "pursuit-n6").symlink_to(tmp_path)
+    with pytest.raises(RecordError, match="is a symbolic link"):
+        Mirroring(Fake(into), into).copy(list_runs(results))
 
 
 @pytest.mark.parametrize("package", mirrors.MIRRORS)

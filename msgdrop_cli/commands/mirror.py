@@ -59,10 +59,13 @@ def mirror(
         raise DefinitionError(f"--to: {to[:40]!r} is unknown; {nearest(to[:40], MIRRORS)}")
     if into is not None:
         options.check_place(into, "--into")
+    from msgdrop_cli.records.ours import refuse_links
     from msgdrop_cli.report.mirroring import Mirroring  # not for every TAB
     from msgdrop_cli.stopping import Stopped, graceful_stop
 
     folder = into or results / "mirrors" / to
+    if into is None:
+        refuse_links(results, folder)
     with graceful_stop() as control, redirect_stdout(sys.stderr):  # some of them chat
         copied = _copy(results, Mirroring(MIRRORS[to](folder), folder), control, follow)
     console.result(f"mirror  {folder}: {words.several(copied, 'new row')}")

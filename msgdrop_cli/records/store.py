@@ -288,8 +288,8 @@ def _rows(path: Path, *keys: str) -> list[dict[str, Any]]:
     rows = read_log(path)
     for number, row in enumerate(rows, start=1):
         for key in keys:
-            if type(row.get(key)) not in (int, float):
-                problem = f"line {number}: {key!r} is not a number"
+            if type(row.get(key)) not in (int, float) or abs(row[key]) >= 2**63:
+                problem = f"line {number}: {key!r} is not a number of 64 bits"
                 raise RecordError(one_line(f"{log_file(path)}: {problem}"))
     return rows
 
