@@ -1,4 +1,4 @@
-"""What README says of adding a thing is what happens: its files are saved, its lines are typed."""
+"""What docs/adding.md says is what happens: its files are saved, its lines are typed."""
 
 import re
 import shlex
@@ -17,12 +17,12 @@ from msgdrop_cli.definition.plan import plan
 from msgdrop_cli.engine.offers import catalogue
 from tests.cli_runs import ROOT, Said, msgdrop
 
-README = (ROOT / "README.md").read_text()
+PAGE = (ROOT / "docs" / "adding.md").read_text()
 BLOCK = re.compile(
     r"```(?:python|toml)\n# ([\w./-]+)(?:; then: (msgdrop [^\n]*))?\n(.*?)```", re.DOTALL
 )
-FILES = {path: text for path, _, text in BLOCK.findall(README)}
-LINES = {path: line for path, line, _ in BLOCK.findall(README) if line}
+FILES = {path: text for path, _, text in BLOCK.findall(PAGE)}
+LINES = {path: line for path, line, _ in BLOCK.findall(PAGE) if line}
 PACKAGES: dict[str, ModuleType] = {
     "msgdrop_cli/algorithms": algorithms,
     "msgdrop_cli/channels": channels,
@@ -39,7 +39,7 @@ SHORT = (
 
 @pytest.fixture(scope="module", autouse=True)
 def saved(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
-    """A folder with the files as README names them, where Python looks as it does in ours."""
+    """A folder with the files as the page names them, where Python looks as it does in ours."""
     root, before = tmp_path_factory.mktemp("saved"), set(sys.modules)
     for path, text in FILES.items():
         (root / path).parent.mkdir(parents=True, exist_ok=True)
@@ -70,7 +70,7 @@ def told(name: str) -> str:
 
 
 def typed(file: str, *more: str | Path) -> Said:
-    """What the line does that README has behind a file's name."""
+    """What the line does that the page has behind a file's name."""
     _, *arguments = shlex.split(LINES[file])
     return msgdrop(*arguments, *more)
 
