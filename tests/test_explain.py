@@ -15,6 +15,7 @@ from msgdrop_cli.commands.parts.question_keys import question_keys
 from msgdrop_cli.commands.parts.topics import topics
 from msgdrop_cli.definition.figures import all_figures
 from msgdrop_cli.definition.load import list_definitions, load_definition
+from msgdrop_cli.definition.pages import METRICS, page, rows
 from msgdrop_cli.definition.plan import plan
 from msgdrop_cli.definition.readings import all_readings
 from msgdrop_cli.engine.offers import catalogue
@@ -93,6 +94,17 @@ def test_a_verdict_is_explained_in_the_words_of_the_page() -> None:
     """Those of `msgdrop reproduce`, read without loading them."""
     for word, meaning in MEANINGS.items():
         assert told(word).lower() == f"{word}: verdict, what is said of a claim {meaning}.".lower()
+
+
+def test_every_name_of_the_page_of_metrics_is_explained() -> None:
+    """Once, by the game's formula or in the page's words."""
+    named = [name for cells in rows(page(METRICS)) for name in re.findall("`(.*?)`", cells[0])]
+    assert {"loss", "wall_time_s", "catches_per_500"} <= set(named)
+    for name in named:
+        topics = json.loads(msgdrop("explain", name, "--json").out)
+        assert {"metric"} <= {topic["kind"] for topic in topics}
+    assert "loss: metric, in logs and tables Means over updates" in told("loss")
+    assert "in logs" not in told("catches_per_500")
 
 
 def test_variants_and_profiles_are_explained_question_by_question() -> None:

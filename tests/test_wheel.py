@@ -87,11 +87,15 @@ def test_it_has_all_questions_and_kernels(built: Built) -> None:
         for path in (ROOT / root / package).rglob("*"):
             if path.suffix in {".toml", ".c", ".h", ".html", ".css", ".js"}:
                 assert path.relative_to(ROOT / root).as_posix() in shipped
-    assert "msgdrop_cli/PAPER.md" in shipped
+    assert {"msgdrop_cli/PAPER.md", "msgdrop_cli/docs/metrics.md"} <= shipped
+    assert "wall_time_s: metric" in run(built, "explain", "wall_time_s").out
 
 
 def test_the_sdist_can_be_built_and_tested(built: Built) -> None:
     """With its tests and pins; the published numbers stay in the repository."""
-    wanted = {"pyproject.toml", "constraints.txt", "Makefile", "tests/test_wheel.py", "PAPER.md"}
+    wanted = {
+        *("pyproject.toml", "constraints.txt", "Makefile", "PAPER.md", "docs/metrics.md"),
+        "tests/test_wheel.py",
+    }
     assert wanted <= set(built.sdist)
     assert not any(name.startswith("results/") for name in built.sdist)

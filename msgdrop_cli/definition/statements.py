@@ -6,12 +6,9 @@ written down a second time. It stands at the top of a checkout; a wheel carries 
 
 import re
 from dataclasses import dataclass
-from importlib import resources
-from pathlib import Path
 
-import msgdrop_cli
+from msgdrop_cli.definition.pages import PAPER, page
 
-_FILE = "PAPER.md"
 _CELL = re.compile(r"(?<!\\)\|")
 _READING = re.compile(r"readings? ((?:`[\w-]+`(?:, )?)+)")
 _COLUMNS, _CLAIM_COLUMNS = 5, 2
@@ -48,10 +45,7 @@ class Register:
 
 def read_register() -> Register:
     """PAPER.md of this program; an empty register if it came without."""
-    for file in (_here(), resources.files(msgdrop_cli) / _FILE):
-        if file.is_file():
-            return parse_register(file.read_text("utf-8"))
-    return Register(statements=(), unclaimed=())
+    return parse_register(page(PAPER))
 
 
 def parse_register(text: str) -> Register:
@@ -80,8 +74,3 @@ def parse_register(text: str) -> Register:
         elif len(cells) == _CLAIM_COLUMNS and "no claim" in cells[1]:
             unclaimed.append((cells[0], cells[1]))
     return Register(statements=tuple(statements), unclaimed=tuple(unclaimed))
-
-
-def _here() -> Path:
-    """Where it stands in a checkout."""
-    return Path(__file__).parents[2] / _FILE

@@ -1,8 +1,9 @@
 """What `explain` knows: everything with a name, in the words that stand where it is defined."""
 
 import ast
+import re
 import tomllib
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence, Set
 from contextlib import suppress
 from itertools import chain
 from typing import NamedTuple
@@ -14,6 +15,7 @@ from msgdrop_cli.commands.parts.sources import Module, notation
 from msgdrop_cli.commands.parts.topic import Fact, Topic, sentence
 from msgdrop_cli.commands.parts.vocabulary import Section
 from msgdrop_cli.definition.channel import LINKS, NAMED, WORDS, Channel
+from msgdrop_cli.definition.pages import METRICS, page, rows
 from msgdrop_cli.definition.shipped import PAPER, shipped_file
 
 _CHANNELS = "msgdrop_cli.channels"
@@ -45,7 +47,8 @@ def topics() -> list[Topic]:
         *_channels(),
         *_parts("topology", "msgdrop_cli.messages.topologies"),
         *_parts("encoder", "msgdrop_cli.messages.encoders"),
-        *chain.from_iterable(_metrics(*each) for each in ruled),
+        *(metrics := [*chain.from_iterable(_metrics(*each) for each in ruled)]),
+        *_logged({name for each in metrics for name in each.names}),
         *asked_topics(keys),
         Topic("file", ("toml",), "a question with every key", question_file(keys)),
         *map(_key, keys),
@@ -122,6 +125,14 @@ def _parts(setting: str, package: str) -> Iterator[Topic]:
 def _metrics(section: Section, rules: Module) -> Iterator[Topic]:
     for name, formula in _metric_table(rules).items():
         yield Topic("metric", (name,), f"of {_game(section)}", _formula(formula))
+
+
+def _logged(known: Set[str]) -> Iterator[Topic]:
+    """What else stands in logs: the page says it."""
+    for first, meaning in rows(page(METRICS)):
+        for name in re.findall("`([^`]+)`", first):
+            if name not in known:
+                yield Topic("metric", (name,), "in logs and tables", sentence(meaning))
 
 
 def _key(key: Key) -> Topic:
