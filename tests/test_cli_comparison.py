@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from msgdrop_cli.records.files import write_jsonl_atomic
+from msgdrop_cli.records.files import jsonl_bytes, write_bytes_atomic
 from tests.cli_runs import Store, copied_store, filled_store, msgdrop
 
 SETTING = "algorithm.gamma=0.5"
@@ -92,7 +92,7 @@ def test_figures_leave_out_short_evaluations_with_a_note(store: Store, tmp_path:
     for log in copy.results.rglob("episodes.jsonl"):
         rows = [json.loads(line) for line in log.read_text().splitlines()]
         few = [{**row, "broken_links": 0.3} for row in rows if row["broken_links"] == 0.0][:3]
-        write_jsonl_atomic(log, [*rows, *few])
+        write_bytes_atomic(log, jsonl_bytes([*rows, *few]))
     drawn = msgdrop("plot", copy.results)
     assert "left out, with fewer episodes: " in drawn.err
     assert "broken-links" not in drawn.out

@@ -240,7 +240,7 @@ def test_episodes_that_cannot_be_written_are_74(
     def full(path: Path, rows: object) -> None:
         raise RecordError(f"{path}: cannot be written: No space left on device", 74)
 
-    monkeypatch.setattr(evaluation, "write_jsonl_atomic", full)
+    monkeypatch.setattr(evaluation, "write_listed", full)
     said = msgdrop("eval", copy.results, "--episodes", "9", "--workers", "1")
     assert said.code == 74
     assert said.err.count("No space left on device") == 4

@@ -54,9 +54,9 @@ def stopped(tmp_path_factory: pytest.TempPathFactory) -> Stopped:
 
 
 def test_every_file_of_a_run_is_named(stopped: Stopped) -> None:
-    """What lies there while it trains, and the three files that come at the end."""
+    """What lies there while it trains, and the files that come at the end."""
     there = {f"{path.name}/" if path.is_dir() else path.name for path in stopped.path.iterdir()}
-    later = {"policy.safetensors", "episodes.jsonl", "progress.json"}
+    later = {"policy.safetensors", "episodes.jsonl", "progress.json", "run.sha256"}
     [files] = [each for each in PAGE.text.split("\n\n") if each.startswith("| file |")]
     assert Page(files).keys() == there | later
 

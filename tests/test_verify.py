@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 
+from msgdrop_cli.records.own_sums import begin_list
 from msgdrop_cli.records.sums import SUMS, differences, list_sums
 from tests.cli_runs import Store, copied_store, filled_store, msgdrop
 from tests.faults.stores import CHANGES, changed_byte
@@ -186,7 +187,7 @@ def test_a_part_of_a_study_is_no_study(study: Path) -> None:
 
 
 def test_own_runs_are_checked_against_their_records(store: Store, tmp_path: Path) -> None:
-    """What no list names yet: a torn log, a damaged policy, a record in another run's place."""
+    """In words before any digest: a torn log, a damaged policy, another run's place."""
     assert msgdrop("verify", store.results).code == 0
     copy = copied_store(store, tmp_path).results
     first, second, third, fourth = sorted(path.parent for path in copy.rglob("run.json"))
@@ -215,7 +216,9 @@ def test_own_runs_are_checked_against_their_records(store: Store, tmp_path: Path
 def test_a_run_that_is_not_evaluated_yet_is_no_damage(store: Store, tmp_path: Path) -> None:
     """Its training is done, and the command that goes on will play: no false alarm."""
     copy = copied_store(store, tmp_path).results
-    next(copy.rglob("dcc-s1-*/episodes.jsonl")).unlink()
+    episodes = next(copy.rglob("dcc-s1-*/episodes.jsonl"))
+    episodes.unlink()
+    begin_list(episodes.parent)  # as it is when a training has just ended
     said = msgdrop("verify", copy)
     assert said.code == 0, said.err
     assert "not compared: evaluation of dcc-s1-" in said.out

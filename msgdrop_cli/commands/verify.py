@@ -29,8 +29,8 @@ def verify(results: options.Folder = Path("results"), json: options.Json = False
     """Check published records, tables, verdicts and figures.
 
     Every file is compared with SHA256SUMS, and what is made of the runs is made again from their
-    episodes and logs. Your own runs, which no list names yet, are checked against their records.
-    Trains and plays nothing, and changes nothing.
+    episodes and logs. Your own runs are checked against their records, and against the digests
+    that lie with each since it was done. Trains and plays nothing, and changes nothing.
     """
     from msgdrop_cli.commands.parts.verified import Verified, verified
 

@@ -26,7 +26,8 @@ from msgdrop_cli.engine.worst_links import worst_links
 from msgdrop_cli.errors import RecordError
 from msgdrop_cli.messages.received import Heard
 from msgdrop_cli.ops.exploration import explored
-from msgdrop_cli.records.files import run_lock, write_jsonl_atomic
+from msgdrop_cli.records.files import jsonl_bytes, run_lock
+from msgdrop_cli.records.own_sums import write_listed
 from msgdrop_cli.records.store import EPISODES, list_runs
 from msgdrop_envs import autoreset
 from msgdrop_envs.protocol import Environment
@@ -153,7 +154,8 @@ def evaluate_run(
         played[channel] = [*kept, *rows]
         for each in played.values():
             each.sort(key=lambda row: row["episode"])
-        write_jsonl_atomic(run_path / EPISODES, chain(*(played[each] for each in sorted(played))))
+        content = jsonl_bytes(chain(*(played[each] for each in sorted(played))))
+        write_listed(run_path / EPISODES, content)
         return len(rows)
 
 

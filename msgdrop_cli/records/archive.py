@@ -30,6 +30,7 @@ from msgdrop_cli.records.files import (
     sync_folder,
     write_bytes_atomic,
 )
+from msgdrop_cli.records.own_sums import begin_list
 from msgdrop_cli.records.parsing import RECORD, TABLE, parse_json
 from msgdrop_cli.records.seals import fingerprint, seal
 from msgdrop_cli.records.store import EPISODES, METRICS, POLICY, RUN, RunRecord, list_runs
@@ -152,6 +153,7 @@ def install(record: RunRecord, target: Path) -> None:
             copy.mkdir()
             for name in FILES:
                 write_bytes_atomic(copy / name, read_bytes(record.path / name))
+            begin_list(copy)
             copy.rename(target)
             sync_folder(target.parent)
     except OSError as error:

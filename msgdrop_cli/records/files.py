@@ -38,14 +38,17 @@ def write_json_atomic(path: Path, value: Any, *, durable: bool = True) -> None:
     `durable=False` leaves out the fsyncs: for what is only shown to people.
     Raises RecordError (74), the old file intact; ValueError for NaN, a mistake of the caller.
     """
-    text = json.dumps(value, indent=2, allow_nan=False) + "\n"
-    write_bytes_atomic(path, text.encode(), durable=durable)
+    write_bytes_atomic(path, json_bytes(value), durable=durable)
 
 
-def write_jsonl_atomic(path: Path, rows: Iterable[Mapping[str, Any]]) -> None:
-    """Replaces the log `path` by these rows, as `write_json_atomic` does."""
-    lines = (json.dumps(row, allow_nan=False) + "\n" for row in rows)
-    write_bytes_atomic(path, "".join(lines).encode())
+def json_bytes(value: Any) -> bytes:
+    """The content of a JSON file; ValueError for NaN, a mistake of the caller."""
+    return (json.dumps(value, indent=2, allow_nan=False) + "\n").encode()
+
+
+def jsonl_bytes(rows: Iterable[Mapping[str, Any]]) -> bytes:
+    """The content of a log with these rows."""
+    return "".join(json.dumps(row, allow_nan=False) + "\n" for row in rows).encode()
 
 
 def write_bytes_atomic(path: Path, content: bytes, *, durable: bool = True) -> None:

@@ -17,6 +17,9 @@ from msgdrop_cli.records.files import TEMPORARY, read_json
 from msgdrop_cli.records.parsing import RECORD
 
 RUN = "run.json"
+METRICS, EPISODES = "metrics.jsonl", "episodes.jsonl"
+POLICY, PROGRESS = "policy.safetensors", "progress.json"
+"""The files of a run folder, beside RUN."""
 _RUN_NAME = re.compile(rf"{NAME.pattern}-s\d{{1,20}}-[0-9a-f]{{8}}")
 _NO_FOLDER = (
     "there is no such folder; msgdrop ablate makes runs there, and published ones lie in"

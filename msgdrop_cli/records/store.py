@@ -17,8 +17,13 @@ from msgdrop_cli.definition.strict import Where, build, one_line
 from msgdrop_cli.errors import DefinitionError, RecordError
 from msgdrop_cli.records.episodes import by_channel
 from msgdrop_cli.records.files import CANNOT_CREATE, read_json, write_json_atomic
+from msgdrop_cli.records.folders import EPISODES as EPISODES
+from msgdrop_cli.records.folders import METRICS as METRICS
+from msgdrop_cli.records.folders import POLICY as POLICY
+from msgdrop_cli.records.folders import PROGRESS as PROGRESS
 from msgdrop_cli.records.folders import RUN as RUN
 from msgdrop_cli.records.folders import run_folders
+from msgdrop_cli.records.own_sums import write_record
 from msgdrop_cli.records.packed import log_file, read_log
 from msgdrop_cli.records.parsing import RECORD
 from msgdrop_cli.records.pretraining import Pretraining
@@ -27,9 +32,6 @@ from msgdrop_cli.records.setup import Setup, read_setup
 SCHEMA = 1
 RUNS = "runs"
 """The folder of our own runs in a results folder; the published ones lie elsewhere."""
-METRICS, EPISODES = "metrics.jsonl", "episodes.jsonl"
-POLICY, PROGRESS = "policy.safetensors", "progress.json"
-"""The files of a run folder, beside RUN."""
 Status = Literal["planned", "running", "done", "failed", "diverged", "interrupted"]
 FACTS = (
     *("env_steps", "wall_time_s", "cpu_time_s", "created", "versions", "commit"),
@@ -264,7 +266,7 @@ def set_status(path: Path, status: Status, reason: str | None = None, **facts: A
         raise ValueError(f"no status is called {status!r}")
     why = one_line(reason)[:_LONGEST_REASON] if reason else None
     run = {**_record(path).run, "status": status, "reason": why or None, **_checked_facts(facts)}
-    write_json_atomic(path / RUN, run)
+    write_record(path, run)
     return _record(path)
 
 
@@ -284,13 +286,12 @@ def _record(path: Path) -> RunRecord:
     return RunRecord(path, run)
 
 
-def _rows(path: Path, *keys: str) -> list[dict[str, Any]]:
+def _rows(path: Path, key: str) -> list[dict[str, Any]]:
     rows = read_log(path)
     for number, row in enumerate(rows, start=1):
-        for key in keys:
-            if type(row.get(key)) not in (int, float) or abs(row[key]) >= 2**63:
-                problem = f"line {number}: {key!r} is not a number of 64 bits"
-                raise RecordError(one_line(f"{log_file(path)}: {problem}"))
+        if type(row.get(key)) not in (int, float) or abs(row[key]) >= 2**63:
+            problem = f"line {number}: {key!r} is not a number of 64 bits"
+            raise RecordError(one_line(f"{log_file(path)}: {problem}"))
     return rows
 
 

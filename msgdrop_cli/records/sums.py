@@ -8,7 +8,7 @@ import hashlib
 import os
 import re
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import NamedTuple
 
@@ -44,24 +44,42 @@ def list_sums(folder: Path) -> Path:
     Raises RecordError: what cannot be listed (2) or written (74).
     """
     found = _files(folder)
-    for name, digest in found.items():
-        if not _LINE.fullmatch(f"{digest}  {name}"):
+    for name, its_digest in found.items():
+        if not _LINE.fullmatch(f"{its_digest}  {name}"):
             raise RecordError(
                 one_line(f"{folder / name}: is no file that can be listed; remove it")
             )
-    write_bytes_atomic(folder / SUMS, _text(found))
+    write_bytes_atomic(folder / SUMS, list_text(found.items()))
     return folder / SUMS
 
 
 def listed(folder: Path) -> dict[str, str]:
     """Digests by name, as the folder's list says; RecordError (2) if there is none to be read."""
-    lines = read_bytes(folder / SUMS).decode(errors="replace").removesuffix("\n").split("\n")
-    sums = {}
+    return dict(read_list(folder / SUMS))
+
+
+def read_list(file: Path) -> list[tuple[str, str]]:
+    """Names and digests as a list says; RecordError (2) if it cannot be read."""
+    lines = read_bytes(file).decode(errors="replace").removesuffix("\n").split("\n")
+    sums = []
     for number, line in enumerate(lines, start=1):
         if not (read := _LINE.fullmatch(line)):
-            raise RecordError(one_line(f"{folder / SUMS}: line {number}: is no digest and name"))
-        sums[read[2]] = read[1]
+            raise RecordError(one_line(f"{file}: line {number}: is no digest and name"))
+        sums.append((read[2], read[1]))
     return sums
+
+
+def list_text(sums: Iterable[tuple[str, str]]) -> bytes:
+    """Such a list, sorted by name; sums: name and digest."""
+    return "".join(f"{digest}  {name}\n" for name, digest in sorted(sums)).encode()
+
+
+def digest(path: Path) -> str:
+    """SHA-256 of a file, empty for what is none; RecordError (2) if it cannot be read."""
+    if path.is_symlink() or not path.is_file():
+        return ""
+    with opened(path, sys.maxsize) as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def differences(folder: Path) -> Iterator[Difference]:
@@ -80,12 +98,8 @@ def differences(folder: Path) -> Iterator[Difference]:
             yield Difference(folder / name, "file", f"none that {SUMS} does not list", "one")
         elif said[name] != found[name]:
             yield Difference(folder / name, "SHA-256", said[name], found[name] or "no file")
-    if said == found and read_bytes(folder / SUMS) != _text(found):
+    if said == found and read_bytes(folder / SUMS) != list_text(found.items()):
         yield Difference(folder / SUMS, "form", "each file once, sorted, in whole lines", "another")
-
-
-def _text(sums: Mapping[str, str]) -> bytes:
-    return "".join(f"{sums[name]}  {name}\n" for name in sorted(sums)).encode()
 
 
 def _files(folder: Path) -> dict[str, str]:
@@ -96,12 +110,5 @@ def _files(folder: Path) -> dict[str, str]:
         links = [name for name in folders if (here / name).is_symlink()]  # not walked into
         for path in (here / name for name in (*names, *links)):
             if path != folder / SUMS:
-                found[path.relative_to(folder).as_posix()] = _digest(path)
+                found[path.relative_to(folder).as_posix()] = digest(path)
     return found
-
-
-def _digest(path: Path) -> str:
-    if path.is_symlink() or not path.is_file():
-        return ""
-    with opened(path, sys.maxsize) as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()

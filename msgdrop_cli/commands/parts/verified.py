@@ -21,6 +21,7 @@ from msgdrop_cli.definition.spec import Definition
 from msgdrop_cli.errors import DefinitionError, MsgdropError, RecordError
 from msgdrop_cli.records.copies import FILES
 from msgdrop_cli.records.folders import run_folders
+from msgdrop_cli.records.own_sums import RUN_SUMS, run_differences
 from msgdrop_cli.records.packed import log_file
 from msgdrop_cli.records.references import REFERENCES, find_references, game_key
 from msgdrop_cli.records.store import EPISODES, POLICY, RunRecord, list_runs
@@ -175,25 +176,32 @@ def _strangers(folder: Path, records: Sequence[RunRecord], made: set[str]) -> li
 
 
 def _others(root: Path, folders: Sequence[Path]) -> Verified:
-    """Runs outside of what is published: nothing lists their files, but they fit each other."""
+    """Runs outside of what is published: their files fit each other and the list of the run."""
     found, not_compared = list[Difference](), list[str]()
-    finished = unfinished = 0
+    finished = unfinished = without = 0
     for folder in folders:
         within = folder.relative_to(root)
         try:
             [record] = list_runs(folder)
             if not record.is_own and _PUBLISHED in (root.resolve().name, *within.parts):
                 found.append(Difference(folder, "run", f"one in a folder with {SUMS}", "it alone"))
-            if record.status != "done":
+            if record.status == "done":
+                finished += 1
+                not_compared += _checked(record)
+            else:
                 unfinished += 1
-                continue
-            finished += 1
-            not_compared += _checked(record)
+            if lexists(folder / RUN_SUMS):
+                found += run_differences(folder)
+            else:
+                without += record.status == "done"
         except RecordError as error:
             found.append(_unreadable(folder, error))
     if unfinished:
         not_compared.append(f"{several(unfinished, 'run')} (not finished)")
-    words = f"{several(finished, 'finished run')}, each against its own record"
+    if without:
+        runs = several(without, "finished run")
+        not_compared.append(f"digests of {runs} (no {RUN_SUMS}: an earlier version finished it)")
+    words = f"{several(finished, 'finished run')}, each against its own record and list"
     return Verified(root, words, tuple(found), tuple(not_compared))
 
 
