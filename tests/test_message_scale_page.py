@@ -4,8 +4,10 @@ from pathlib import Path
 
 import pytest
 
+from msgdrop_cli.analysis.metrics import metrics_of
 from msgdrop_cli.definition.channel import Channel
 from msgdrop_cli.engine.evaluation import evaluate
+from msgdrop_cli.records.store import list_runs
 
 ROOT = Path(__file__).parents[1]
 RUNS = ROOT / "results/published/broken-links-two-million/pursuit-n6"
@@ -23,6 +25,16 @@ def table() -> dict[tuple[str, str], float]:
         for _, label, *values in rows
         for channel, value in zip(channels, values, strict=True)
     }
+
+
+@pytest.mark.parametrize("channel", ["none", "half"])
+@pytest.mark.parametrize("label", ["DCC", "DCC-MD 0.2", "DCC-MD 0.5", "FDC"])
+def test_the_page_of_the_scale_says_what_is_recorded(label: str, channel: str) -> None:
+    """As far as the published episodes go: of pursuit, at the scale of the paper."""
+    [record] = [each for each in list_runs(RUNS) if (each.seed, each.label) == (1, label)]
+    rows = record.episodes()[Channel.read(channel)]
+    catches = metrics_of(record).headline.value(rows)
+    assert f"{catches:.1f}" == f"{table()[label, channel]:.1f}"
 
 
 @pytest.mark.slow

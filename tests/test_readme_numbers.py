@@ -5,12 +5,17 @@ from pathlib import Path
 
 import pytest
 
-from benchmarks.readme.__main__ import BLOCKS, MARKED, PAGES, filled
+from benchmarks.readme.__main__ import BLOCKS, MARKED, PAGES, PLAYED, filled
 from benchmarks.readme.studies import Estimate, expect, listing, paragraph, table
 from msgdrop_cli.analysis.statistics import Interval
 
 ESTIMATE = re.compile(r"-?\d[\d.]* \[-?\d[\d.]*,\s")
 """A number with its interval."""
+CELL = re.compile(r"\| -?\d[\d,]*\.\d+ (?=\|)")
+"""A cell of a table that is a measured number and nothing else."""
+VERDICT = re.compile(r"\*\*(supported|contradicted|level|undecided)\*\*")
+BY_HAND = re.compile(r"<!-- played: ([a-z-]+) -->\n(.*?)<!-- end -->\n", re.DOTALL)
+"""What is told of records, but needs policies played again."""
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: f"{page.parent.name}/{page.name}")
@@ -24,15 +29,32 @@ def test_every_block_stands_on_one_page() -> None:
     """None is forgotten, and no marker is mistyped."""
     text = "".join(page.read_text() for page in PAGES)
     assert sorted(block[1] for block in MARKED.finditer(text)) == sorted(BLOCKS)
-    assert text.count("<!-- records:") == text.count("<!-- end -->") == len(BLOCKS)
+    assert text.count("<!-- records:") == len(BLOCKS)
+    assert text.count("<!-- played:") == len(PLAYED)
+    assert text.count("<!-- end -->") == len(BLOCKS) + len(PLAYED)
+
+
+def test_what_is_played_says_how() -> None:
+    """The few exceptions, each beside the command or the test that gives its numbers."""
+    found = {block[1]: page for page in PAGES for block in BY_HAND.finditer(page.read_text())}
+    assert found.keys() == PLAYED.keys()
+    assert len(PLAYED) <= 3
+    for name, page in found.items():
+        assert PLAYED[name] in page.read_text()
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: f"{page.parent.name}/{page.name}")
-def test_no_estimate_is_typed(page: Path) -> None:
-    """Outside of the blocks no number has an interval."""
-    text = page.read_text()
-    assert ESTIMATE.search(text)
-    assert not ESTIMATE.search(MARKED.sub("", text))
+def test_no_number_of_a_record_is_typed(page: Path) -> None:
+    """Outside of the blocks there is no interval, no table of measured numbers and no verdict."""
+    typed = BY_HAND.sub("", MARKED.sub("", page.read_text()))
+    assert [each[0] for rule in (ESTIMATE, CELL, VERDICT) for each in rule.finditer(typed)] == []
+
+
+@pytest.mark.parametrize("rule", [ESTIMATE, CELL, VERDICT], ids=["interval", "cell", "verdict"])
+def test_the_blocks_have_what_may_not_be_typed(rule: re.Pattern[str]) -> None:
+    """So the rules know these numbers and words where they see them."""
+    blocks = [block[3] for page in PAGES for block in MARKED.finditer(page.read_text())]
+    assert any(rule.search(block) for block in blocks)
 
 
 def test_a_changed_number_and_a_changed_word_are_put_right() -> None:

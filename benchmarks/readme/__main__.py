@@ -4,30 +4,45 @@ import re
 from collections.abc import Callable
 from pathlib import Path
 
-from benchmarks.readme import judged, navigation, pursuit, rates, waterworld
+from benchmarks.readme import helps, judged, navigation, pursuit, rates, waterworld
 from msgdrop_cli.records.files import write_bytes_atomic
 
 ROOT = Path(__file__).parents[2]
-PAGES = (ROOT / "README.md", ROOT / "results" / "README.md")
+PAGES = (
+    *(ROOT / "README.md", ROOT / "results" / "README.md", ROOT / "PAPER.md"),
+    *sorted((ROOT / "docs").glob("*.md")),
+)
 BLOCKS: dict[str, Callable[[], str]] = {
     name: block
-    for said in (pursuit, rates, judged, navigation, waterworld)
+    for said in (pursuit, rates, judged, navigation, waterworld, helps)
     for name, block in said.BLOCKS.items()
 }
 """What writes each block, by the name in its marker."""
-MARKED = re.compile(r"(?<=<!-- records: )([a-z0-9-]+)( -->\n)(.*?)(?=<!-- end -->)", re.DOTALL)
+PLAYED = {
+    "message-scale": "msgdrop eval results/published/broken-links-two-million",
+    "pettingzoo-trials": "--profile quick",
+    "simple-policies": "test_what_simple_policies_get",
+}
+"""What no published record gives, by the name in its marker `<!-- played: ... -->`: the command or
+the test that gives it, which stands beside it on the page."""
+MARKED = re.compile(r"(?<=<!-- records: )([a-z0-9-]+)( -->\n?)(.*?)(?=<!-- end -->)", re.DOTALL)
 
 
 def filled(page: str) -> str:
-    """The page with every marked block as the records give it.
+    """The page with every marked block as the records give it, in lines of its own or within one.
 
     Raises KeyError for a block that nothing writes, ValueError where a sentence no longer holds.
     """
-    return MARKED.sub(lambda block: f"{block[1]}{block[2]}{BLOCKS[block[1]]()}\n", page)
+
+    def block(found: re.Match[str]) -> str:
+        end = "\n" if found[2].endswith("\n") else ""
+        return f"{found[1]}{found[2]}{BLOCKS[found[1]]()}{end}"
+
+    return MARKED.sub(block, page)
 
 
 def main() -> None:
-    """Write both pages, and say which of them changed."""
+    """Write the pages, and say which of them changed."""
     for page in PAGES:
         before = page.read_text()
         after = filled(before)

@@ -15,6 +15,9 @@ from benchmarks.readme.studies import (
 from msgdrop_cli.analysis.verdict import Verdict
 from msgdrop_cli.report.table import NOTHING
 
+BROKEN, ELEMENTS = "broken-links-two-million", "blockwise-vs-elementwise-two-million"
+NAVIGATION = "navigation-million-nearest"
+"""The studies of ten seeds."""
 LABELS = {
     **{"fdc": "FDC", "dcc": "DCC", "md-0.2": "DCC-MD 0.2", "md-0.5": "DCC-MD 0.5"},
     "sd-0.2": "DCC-SD 0.2",
@@ -42,7 +45,7 @@ def judged_table() -> str:
 
 def registered() -> str:
     """Looks and alpha of the questions, which are alike, and what was known before."""
-    known = [study(name) for name in _STUDIES]
+    known = [study(name) for name in (BROKEN, ELEMENTS, NAVIGATION)]
     [rule] = {(each.registration.looks, each.registration.alpha_spent) for each in known}
     [seen] = {each.registration.seen for each in known}
     [now] = {v.evidence.look for each in known for v in each.verdicts if v.evidence}
@@ -64,37 +67,31 @@ def registered() -> str:
     )
 
 
-_STUDIES = (
-    *("broken-links-two-million", "blockwise-vs-elementwise-two-million"),
-    "navigation-million-nearest",
-)
-
-
 def _broken() -> list[tuple[str, Verdict]]:
-    found = study("broken-links-two-million")
-    return [(f"{each.claim.channel.short}: {_beats(each)}", each) for each in found.verdicts]
+    found = study(BROKEN)
+    return [(f"{each.claim.channel.short}: {beats(each)}", each) for each in found.verdicts]
 
 
 def _blockwise() -> list[tuple[str, Verdict]]:
-    found = study("blockwise-vs-elementwise-two-million")
+    found = study(ELEMENTS)
     after = found.verdict("md-0.2", "sd-0.2")
     learning = ("md-0.2", "sd-0.2"), ("md-0.2", "dcc"), ("sd-0.2", "dcc")
     in_training = [found.verdict(*each, measure="learning") for each in learning]
     return [
-        (f"{_beats(after)} after training", after),
+        (f"{beats(after)} after training", after),
         ("... in training", in_training[0]),
-        *((_beats(each, "learns faster than"), each) for each in in_training[1:]),
+        *((beats(each, "learns faster than"), each) for each in in_training[1:]),
     ]
 
 
 def _navigation() -> list[tuple[str, Verdict]]:
-    found, lines = study("navigation-million-nearest"), []
+    found, lines = study(NAVIGATION), []
     for measure, when in (("learning", "in"), ("evaluation", "after")):
         for agents in (8, 10):
             verdicts = _of(found, f"navigation-n{agents}", measure)
             place = f"navigation N = {agents}, {when} training:"
             lines += [
-                (f"{'...' if rank else place} {_beats(verdict)}", verdict)
+                (f"{'...' if rank else place} {beats(verdict)}", verdict)
                 for rank, verdict in enumerate(verdicts)
             ]
     return lines
@@ -108,7 +105,8 @@ def _of(found: Study, environment: str, measure: str) -> list[Verdict]:
     ]
 
 
-def _beats(verdict: Verdict, word: str = "beats") -> str:
+def beats(verdict: Verdict, word: str = "beats") -> str:
+    """Both arms by their labels."""
     return f"{LABELS[verdict.claim.better]} {word} {LABELS[verdict.claim.worse]}"
 
 

@@ -13,14 +13,14 @@ from benchmarks.readme.studies import (
     table,
 )
 
-_STUDY = "dropout-rate-two-million"
+STUDY = "dropout-rate-two-million"
 _RATES = {f"md-{rate}": f"DCC-MD {rate}" for rate in ("0.1", "0.2", "0.3", "0.4", "0.5")}
 _LABELS = {"dcc": "DCC (rate 0)", **_RATES, "fdc": "FDC (no messages)"}
 
 
 def catches() -> str:
     """Each rate while it learns, and after."""
-    found = study(_STUDY)
+    found = study(STUDY)
     rows = (
         (label, found.in_training(variant).text(1), found.after(variant).text(1))
         for variant, label in _LABELS.items()
@@ -30,7 +30,7 @@ def catches() -> str:
 
 def claims() -> str:
     """What the paper says of rates, at the look of this many seeds."""
-    found = study(_STUDY)
+    found = study(STUDY)
     verdicts = [each for each in found.verdicts if each.verdict != "not run"]
     [look] = {each.evidence.look for each in verdicts if each.evidence}
     supported = [each for each in verdicts if each.verdict == "supported"]

@@ -1,0 +1,185 @@
+"""What docs/does-it-help.md and PAPER.md say of verdicts, claim by claim and counted."""
+
+from collections.abc import Callable, Iterable
+
+from benchmarks.readme.judged import BROKEN, ELEMENTS, NAVIGATION, beats
+from benchmarks.readme.rates import STUDY as RATES
+from benchmarks.readme.studies import (
+    ALL,
+    HALF,
+    Study,
+    expect,
+    listing,
+    number,
+    paragraph,
+    study,
+)
+from msgdrop_cli.analysis.verdict import Verdict
+
+_WORDS = ("supported", "contradicted", "level", "undecided")
+"""In the order in which they are told."""
+_LISTENERS = ("md-0.2", "md-0.5")
+
+
+def broken() -> str:
+    """Links that break after training, and what of that is decided."""
+    found = study(BROKEN)
+    lines = []
+    for channel in (HALF, ALL):
+        about = [each for each in found.verdicts if each.claim.channel == channel]
+        lines += _told(about, f"{channel.short}: ")
+    half, whole = (
+        {found.verdict(each, "dcc", channel).verdict for each in _LISTENERS}
+        for channel in (HALF, ALL)
+    )
+    expect(
+        (half, whole) == ({"undecided"}, {"supported"}),
+        "that DCC-MD beats DCC is decided where all links break, and not where half of them do",
+    )
+    said = """That it is better to have dropped messages than not to (DCC) is decided where all
+    links break, and not yet where half of them do. Where messages mostly do not arrive, train
+    without any as well, and compare."""
+    return _page(lines, said)
+
+
+def learning() -> str:
+    """Pursuit with all messages: who learns faster, and what is decided of rates."""
+    found, rates = study(ELEMENTS), study(RATES)
+    faster = [found.verdict(each, "dcc", measure="learning") for each in ("md-0.2", "sd-0.2")]
+    supported = {
+        (each.claim.better, each.claim.worse)
+        for each in rates.verdicts
+        if (each.verdict, each.claim.measure) == ("supported", "evaluation")
+    }
+    expect(
+        supported == {(f"md-{rate}", "fdc") for rate in ("0.2", "0.3", "0.4", "0.5")},
+        "that the rates of 0.2 to 0.5 beat FDC, and no rate DCC",
+    )
+    said = """There rates of 0.2 to 0.5 catch more after training than FDC, which is decided; that
+    any rate beats DCC is not ([all rates](../results/README.md#publisheddropout-rate-two-million)).
+    """
+    return _page(_told(faster, verb="learns faster than"), said)
+
+
+def navigation() -> str:
+    """Both numbers of agents, in training and after it."""
+    found, lines = study(NAVIGATION), list[str]()
+    for measure, when in (("learning", "in"), ("evaluation", "after")):
+        for agents in (8, 10):
+            about = _of(found, f"navigation-n{agents}", measure)
+            lines += _told(about, f"navigation N = {agents}, {when} training: ")
+    worse = found.verdict("md-0.5", "dcc", environment="navigation-n10", measure="learning")
+    expect(worse.verdict == "contradicted", "that a rate of 0.5 costs something")
+    said = """These differences are small against what is left to learn there. A rate of 0.5 can
+    cost something: begin with 0.2."""
+    return _page(lines, said)
+
+
+def elements() -> str:
+    """Whole messages against elements of them."""
+    found = study(ELEMENTS)
+    after = found.verdict("md-0.2", "sd-0.2")
+    during = found.verdict("md-0.2", "sd-0.2", measure="learning")
+    return "\n".join(
+        f"* {beats(each)} {when} training: **{each.verdict}**"
+        for each, when in ((after, "after"), (during, "in"))
+    )
+
+
+def paper_broken() -> str:
+    """How many of the claims about broken links are supported, for a cell of PAPER.md."""
+    found = study(BROKEN)
+    agree = all((each.difference or 0.0) > 0.0 for each in found.verdicts)
+    expect(agree, "that all claims about broken links go the paper's way")
+    seeds = number(len(found.arm("dcc").done))
+    return (
+        f"{seeds} seeds at N = 6: `{BROKEN}`, all {number(len(found.verdicts))} as the paper says,"
+        f" {_counted(found.verdicts)}"
+    )
+
+
+def paper_elements() -> str:
+    """The same of blocks against elements."""
+    found = study(ELEMENTS)
+    first = found.verdict("md-0.2", "sd-0.2")
+    others = {each.verdict for each in found.verdicts if each is not first}
+    expect(len(others) == 1, "that the other claims of the elements have one word")
+    seeds = number(len(found.arm("dcc").done))
+    return (
+        f"{seeds} seeds at N = 6: `{ELEMENTS}`, the first {first.verdict} after training, the"
+        f" others {others.pop()}"
+    )
+
+
+def paper_navigation() -> str:
+    """The same of navigation."""
+    found = study(NAVIGATION)
+    during, after = (
+        [each for each in found.verdicts if each.claim.measure == measure]
+        for measure in ("learning", "evaluation")
+    )
+    [against] = [each for each in during if each.verdict == "contradicted"]
+    [word] = {each.verdict for each in after}
+    game = against.claim.environment.removeprefix("navigation-n")
+    rate = against.claim.better.removeprefix("md-")
+    seeds = number(len(found.arm("dcc", "navigation-n8").done))
+    return (
+        f"{seeds} seeds at N = 8 and 10: `{NAVIGATION}`, while learning {_counted(during)}"
+        f" ({rate} against DCC at N = {game}), after it {word}"
+    )
+
+
+def within() -> str:
+    """The standard error that a seed's own episodes leave."""
+    rows = [
+        row
+        for arm in study(BROKEN).summary.arms
+        for row in arm.rows
+        if row.metric == arm.metrics.headline.name and row.within is not None
+    ]
+    errors = [row.within for row in rows if row.within is not None]
+    [episodes] = {row.episodes for row in rows}
+    return paragraph(
+        f"{episodes:,} episodes of pursuit leave {min(errors):.1f} to {max(errors):.1f} catches"
+    )
+
+
+def _told(verdicts: Iterable[Verdict], place: str = "", verb: str = "beats") -> list[str]:
+    """A line for each word that claims of one place have."""
+    known = [*verdicts]
+    return [
+        f"* {place}{', '.join(beats(each, verb) for each in alike)}: **{word}**"
+        for word in _WORDS
+        if (alike := [each for each in known if each.verdict == word])
+    ]
+
+
+def _counted(verdicts: Iterable[Verdict]) -> str:
+    """`seven of eight supported, one contradicted`."""
+    words = [each.verdict for each in verdicts]
+    counts = [f"{number(words.count(each))} {each}" for each in _WORDS if each in words]
+    return listing(counts)
+
+
+def _of(found: Study, environment: str, measure: str) -> list[Verdict]:
+    return [
+        each
+        for each in found.verdicts
+        if (each.claim.environment, each.claim.measure) == (environment, measure)
+    ]
+
+
+def _page(lines: Iterable[str], said: str) -> str:
+    return "\n".join([*lines, "", paragraph(said)])
+
+
+BLOCKS: dict[str, Callable[[], str]] = {
+    "help-broken": broken,
+    "help-learning": learning,
+    "help-navigation": navigation,
+    "help-elements": elements,
+    "paper-broken": paper_broken,
+    "paper-elements": paper_elements,
+    "paper-navigation": paper_navigation,
+    "error-within": within,
+}
