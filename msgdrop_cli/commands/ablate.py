@@ -75,7 +75,8 @@ def ablate(
 ) -> int:
     """Answer a question: train, evaluate, compare, draw.
 
-    What is finished is not trained again; what was interrupted goes on from its checkpoint.
+    What is finished or published in the results folder is not trained again; what was interrupted
+    goes on from its checkpoint.
     """
     if name is None and overrides:
         raise DefinitionError("--set: of which question? (all settings: msgdrop explain)")
