@@ -15,6 +15,7 @@ from pathlib import Path
 
 from msgdrop_cli.definition.channel import Channel
 from msgdrop_cli.definition.spec import PlannedRun
+from msgdrop_cli.definition.strict import one_line
 from msgdrop_cli.errors import MsgdropError, RecordError
 from msgdrop_cli.records.files import run_lock
 from msgdrop_cli.records.outcome import Outcome
@@ -231,7 +232,7 @@ def _evaluated(task: Task, outcome: Outcome, control: Control) -> Outcome:
     from msgdrop_cli.engine.evaluation import evaluate_run
 
     for channel in task.channels:
-        control.mark(outcome.run_id, "evaluating")
+        control.mark(outcome.run_id, f"evaluating {one_line(channel.short)}")
         try:
             evaluate_run(
                 outcome.path,

@@ -115,48 +115,6 @@ def test_results_that_cannot_be_created_are_refused(store: Store, tmp_path: Path
     assert "cannot be created" in said.err.splitlines()[-1]
 
 
-def test_folders_that_nobody_has_named_are_not_made(
-    store: Store, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """What is named is made; a folder that it lies in must be there, whatever is written."""
-    monkeypatch.chdir(tmp_path)
-    run = next(store.results.glob("runs/*/dcc-s1-*"))
-    for option, *command in (
-        ("--results", "train", "--dry-run"),
-        ("--results", "ablate", store.question),
-        ("--results", "import", "a.zip"),
-        ("--to", "publish", store.question, "--results", store.results),
-        ("--into", "mirror", store.results),
-        ("--gif", "replay", run),
-        ("--html", "replay", run),
-        ("--mp4", "replay", run),
-    ):
-        said = msgdrop(*command, option, "no/such/place")
-        assert (said.code, said.out) == (73, "")
-        line = (
-            f"{option}: no/such/place: cannot be created: no/such is not there (mkdir -p no/such)"
-        )
-        assert said.err == f"msgdrop: error: {line}\n"
-    assert list(tmp_path.iterdir()) == []
-
-
-@pytest.mark.parametrize(
-    ("option", "command"),
-    [
-        ("--results", ["train", "--dry-run"]),
-        ("--into", ["mirror"]),
-        ("--gif", ["replay", "x"]),
-        ("[RESULTS]", ["status"]),
-        ("RUN", ["replay"]),
-    ],
-)
-def test_no_path_is_none(option: str, command: list[str]) -> None:
-    """An unset variable of a shell does not mean the folder we are in."""
-    said = msgdrop(*command, *([option] if option.startswith("-") else []), "")
-    assert said.code == 2
-    assert said.err.startswith(f"msgdrop: error: {option}: expected a path, not ''")
-
-
 def test_a_name_that_is_too_long_is_refused(store: Store, tmp_path: Path) -> None:
     """A results folder of 300 letters cannot be created: 73, in one line."""
     said = store._replace(results=tmp_path / ("x" * 300)).ablate()

@@ -22,7 +22,7 @@ from msgdrop_cli.commands.parts.estimate import (
 from msgdrop_cli.commands.parts.fitting import check_channels_fit, check_fits
 from msgdrop_cli.commands.parts.options import TrainOptions, check_device
 from msgdrop_cli.commands.parts.play_missing import evaluated
-from msgdrop_cli.commands.parts.progress import Watch, Watched
+from msgdrop_cli.commands.parts.progress import Watch, Watched, run_name
 from msgdrop_cli.commands.parts.shapes import check_claims
 from msgdrop_cli.commands.parts.show_plan import outcome_json, plan_facts, plan_json
 from msgdrop_cli.commands.parts.show_report import report
@@ -141,13 +141,10 @@ def _train(
         )
         for cohort in tasks
     ]
-    several_environments = len({run.spec.environment for run in asked.runs}) > 1
     watched = [
         Watched(
             run_id=run.run_id,
-            name=", ".join(
-                [run.spec.environment] * several_environments + [run.label, f"seed {run.spec.seed}"]
-            ),
+            name=run_name(run.spec.environment, run.label, run.spec.seed),
             path=_place(looked_up, run, options.results),
             train_env_steps=run.spec.training.train_env_steps,
             env_steps=looked_up.env_steps(run),

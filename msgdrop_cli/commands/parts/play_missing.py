@@ -12,7 +12,7 @@ from msgdrop_cli.commands.parts import console
 from msgdrop_cli.commands.parts.fitting import check_channels_fit
 from msgdrop_cli.commands.parts.listing import runs_in
 from msgdrop_cli.commands.parts.options import check_device
-from msgdrop_cli.commands.parts.progress import Watch, Watched
+from msgdrop_cli.commands.parts.progress import Watch, Watched, run_name
 from msgdrop_cli.commands.parts.words import several
 from msgdrop_cli.definition.channel import Channel
 from msgdrop_cli.definition.run_id import spec_from_dict
@@ -199,7 +199,7 @@ def _copy(record: RunRecord, keep: ExitStack) -> RunRecord:
 def _watched(record: RunRecord) -> Watched:
     return Watched(
         run_id=record.run_id,
-        name=f"{record.label}, seed {record.seed}",
+        name=run_name(record.environment, record.label, record.seed),
         path=record.path,
         train_env_steps=record.env_steps,
         env_steps=record.env_steps,

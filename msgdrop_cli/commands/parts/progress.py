@@ -36,11 +36,16 @@ class Watched:
 
     run_id: str
     name: str
-    """What people call it, e.g. `DCC-MD 0.2, seed 1`."""
+    """What people call it, by `run_name`."""
     path: Path
     train_env_steps: int
     env_steps: int
     """Where it stands at the start."""
+
+
+def run_name(environment: str, label: str, seed: int) -> str:
+    """`pursuit-n6, DCC-MD 0.2, seed 1`: what every line about a run at work begins with."""
+    return f"{environment}, {label}, seed {seed}"
 
 
 class Watch:
@@ -101,7 +106,7 @@ class Watch:
             if run.run_id not in self.begun:
                 self.begun.add(run.run_id)
                 if not self.display.live:
-                    self.display.say(f"{phase:<11}  {run.name}")
+                    self.display.say(f"{phase.partition(' ')[0]:<11}  {run.name}")
             now = progress(run.path) if phase in _TRAINS else {}
             speed += float(now.get("env_steps_per_s") or 0.0)
             self.steps[run.run_id] = int(now.get("env_steps") or self.steps[run.run_id])

@@ -8,6 +8,7 @@ from msgdrop_cli.analysis.statistics import mean
 from msgdrop_cli.commands.parts import console
 from msgdrop_cli.commands.parts.options import check_device
 from msgdrop_cli.commands.parts.play_missing import measurable_runs
+from msgdrop_cli.commands.parts.progress import run_name
 from msgdrop_cli.definition.channel import NONE_BROKEN
 from msgdrop_cli.records.store import POLICY, RunRecord
 from msgdrop_cli.report.table import Table
@@ -32,7 +33,8 @@ def show_links(results: Path, *, episodes: int | None, device: str, as_json: boo
     runs = measurable_runs(results, [NONE_BROKEN], 1, listeners_only=True)
     found = []
     for run in [run for run in runs if (run.path / POLICY).is_file()]:
-        console.note(f"breaking the links of {run.label}, seed {run.seed}, {run.environment}")
+        name = run_name(run.environment, run.label, run.seed)
+        console.note(f"evaluating   {name}, without each of its links")
         found.append((run, *links_of_run(run.path, count, device)))
     if as_json:
         console.result_json([{**_line(*each), "episodes": count} for each in found])
