@@ -57,7 +57,8 @@ def connected(where: str, tls: Sequence[Path] = ()) -> Iterator["Client"]:
         import distributed  # noqa: F401 - said before anything else
     except ImportError as error:
         raise RunError(f"--cluster needs Dask; {to_install('dask')}") from error
-    logging.getLogger("distributed").setLevel(_QUIET)
+    for name in ("distributed", "distributed.client"):  # which has a level of its own
+        logging.getLogger(name).setLevel(_QUIET)
     if tls and where.startswith(_LOCAL):
         raise RunError(f"{where} takes no --cluster-tls: its workers talk on this machine only")
     with _of_this_machine(where) if where.startswith(_LOCAL) else _client(where, tls) as client:

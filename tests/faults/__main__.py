@@ -1,4 +1,4 @@
-"""Runs the fault table: `python -m tests.faults [--row NAME [--trial N]] [--share] [--json]`.
+"""Runs the fault table: `python -m tests.faults [--row NAME ... [--trial N]] [--share] [--json]`.
 
 FAULTS=0.1 makes a tenth of the trials. Two trials run at a time, each in a process of its own.
 """
@@ -48,9 +48,10 @@ class _Told(NamedTuple):
 def main(arguments: Sequence[str]) -> int:
     """Run what is asked for; returns 1 if anything was broken."""
     asked = _asked(arguments)
-    rows = [row for row in ROWS if asked.row in (None, row.name)]
-    if not rows:
-        print(f"no row {asked.row!r}; there are: {', '.join(row.name for row in ROWS)}")
+    names = [row.name for row in ROWS]
+    rows = [row for row in ROWS if row.name in (asked.row or names)]
+    if len(rows) < len(asked.row or ()):
+        print(f"no such row; there are: {', '.join(names)}")
         return 2
     scale = float(os.environ.get("FAULTS", "1"))
     results = []
@@ -73,7 +74,7 @@ def main(arguments: Sequence[str]) -> int:
 
 def _asked(arguments: Sequence[str]) -> argparse.Namespace:
     parser = argparse.ArgumentParser(prog="python -m tests.faults", description=__doc__)
-    parser.add_argument("--row", help="only this row of the table")
+    parser.add_argument("--row", action="append", help="only this row of the table, and others")
     parser.add_argument("--trial", type=int, help="only this trial of it, to repeat a failure")
     parser.add_argument("--share", action="store_true", help="as few trials as the test suite")
     parser.add_argument("--json", action="store_true", help="the results as JSON")

@@ -1,6 +1,7 @@
 """The fault table."""
 
 from tests.faults import (
+    clusters,
     corpus,
     damage,
     disks,
@@ -173,6 +174,13 @@ ROWS = (
         trials=40,
         share=1,
         trial=sameness.other_clock,
+    ),
+    Row(
+        name="dask",
+        promise="a worker killed, stopped, cut off, the scheduler killed: an end, and on again",
+        trials=80,
+        share=1,
+        trial=clusters.lose_a_part,
     ),
     Row(
         name="verify",
