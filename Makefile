@@ -6,6 +6,7 @@
 #   make docs    the site and the man pages, in build/; a warning is an error
 #   make faults  everything that must survive kills, full disks, damage and other people's files, an
 #                hour on two cores (a tenth of it: make faults FAULTS=0.1)
+#   make fuzz    every reader of other people's files, a minute each (fewer: make fuzz SECONDS=10)
 #   make audit   known vulnerabilities and suspicious code, as far as that works without a network
 #   make bench   env steps per second, ours and the straightforward implementation's; the floor
 #   make readme  the numbers in README.md and results/README.md again, from the published records
@@ -15,13 +16,14 @@
 SHELL := /bin/sh
 PYTHON ?=
 FAULTS ?= 1
+SECONDS ?= 60
 VENV := .venv
 BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip --disable-pip-version-check
 SETUP := pyproject.toml constraints.txt
 INSIDE := XDG_CACHE_HOME="$(CURDIR)/.cache" MPLCONFIGDIR="$(CURDIR)/.cache/matplotlib"
 
-.PHONY: demo test lint docs faults audit bench readme clean distclean
+.PHONY: demo test lint docs faults fuzz audit bench readme clean distclean
 .NOTPARALLEL:
 .DELETE_ON_ERROR:
 
@@ -46,6 +48,9 @@ docs: $(VENV)/docs.stamp
 
 faults: $(VENV)/test.stamp
 	$(INSIDE) OMP_NUM_THREADS=1 FAULTS=$(FAULTS) $(BIN)/python -m tests.faults
+
+fuzz: $(VENV)/fuzz.stamp
+	$(INSIDE) OMP_NUM_THREADS=1 $(BIN)/python -m tests.fuzz --seconds $(SECONDS)
 
 # pip-audit asks a service on the network; what it says there, or that nobody answers, is shown and
 # is no failure of the target (the dash).
@@ -80,6 +85,11 @@ $(VENV)/test.stamp: $(VENV)/torch.stamp $(SETUP)
 
 $(VENV)/lint.stamp: $(VENV)/torch.stamp $(SETUP)
 	$(PIP) install --quiet -c constraints.txt -e '.[test,lint]'
+	@touch $@
+
+# Where there is no wheel of atheris (other machines, newer Pythons), bytes are changed blindly.
+$(VENV)/fuzz.stamp: $(VENV)/test.stamp
+	-$(PIP) install --quiet -c constraints.txt -e '.[fuzz]'
 	@touch $@
 
 $(VENV)/docs.stamp: $(VENV)/torch.stamp $(SETUP)

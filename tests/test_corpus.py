@@ -10,7 +10,10 @@ from msgdrop_cli.engine.offers import catalogue
 from msgdrop_cli.errors import DefinitionError
 from tests.faults.corpus import CORPUS, NAMES
 from tests.faults.study import QUESTION
+from tests.fuzz import __main__ as fuzz
+from tests.fuzz.readers import READERS, Reader, try_reading
 
+FOUND = sorted((CORPUS / "readers").glob("*/*"))
 DEFINITIONS = sorted((CORPUS / "definitions").glob("*.toml"))
 
 
@@ -50,3 +53,37 @@ def test_no_hostile_name_becomes_a_folder(tmp_path: Path, key: str) -> None:
             for part in (run.variant, run.spec.environment, run.profile):
                 assert Path(part).name == part, name
                 assert part not in (".", ".."), name
+
+
+def test_every_finding_has_a_reader() -> None:
+    """None is passed over by a wrong name, and there are some."""
+    assert {file.parent.name for file in FOUND} <= set(READERS)
+    assert len(FOUND) > 5
+
+
+@pytest.mark.parametrize("file", FOUND, ids=lambda file: f"{file.parent.name}-{file.stem}")
+def test_a_reader_takes_or_refuses_it(file: Path) -> None:
+    """In one line, if it refuses."""
+    try_reading(file.parent.name, file.read_bytes())
+
+
+@pytest.mark.parametrize("name", READERS)
+def test_the_fuzzer_begins_with_what_a_reader_takes(name: str, tmp_path: Path) -> None:
+    """Else it would try the first refusal for ever."""
+    for number, sound in enumerate(READERS[name].seeds()):
+        (folder := tmp_path / str(number)).mkdir()
+        READERS[name].read(sound, folder)
+
+
+def test_the_fuzzer_finds_and_keeps(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What a reader breaks on is a file of the corpus afterwards."""
+
+    def break_on_nul(content: bytes, _: Path) -> None:
+        assert b"\0" not in content
+
+    monkeypatch.setitem(READERS, "weak", Reader(break_on_nul, lambda: [b"sound"]))
+    monkeypatch.setattr(fuzz, "FOUND", tmp_path)
+    with pytest.raises(AssertionError):
+        fuzz._change_bytes("weak", 20)
+    [kept] = (tmp_path / "weak").iterdir()
+    assert b"\0" in kept.read_bytes()

@@ -1,0 +1,1 @@
+"""A fuzzer for every reader of what other people send: `make fuzz`."""
