@@ -216,7 +216,10 @@ def _become(arguments: Sequence[str], said: Path, before: Callable[[], Any]) -> 
     def keep_aside(checkpoints: Checkpoints) -> None:
         run = checkpoints._run_path
         kept = run.parents[2].parent / KEPT / run.name
-        shutil.copytree(run / "checkpoints", kept / "checkpoints", dirs_exist_ok=True)
+        try:
+            shutil.copytree(run / "checkpoints", kept / "checkpoints", dirs_exist_ok=True)
+        except OSError:  # the disk is full, by our own doing: the oracle goes without
+            shutil.rmtree(kept, ignore_errors=True)
         remove(checkpoints)
 
     Checkpoints.remove = keep_aside  # type: ignore[method-assign, assignment]
