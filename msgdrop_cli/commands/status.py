@@ -52,7 +52,10 @@ def status(
     records = runs_in(results)
     if why:
         return _show_why(records, as_json=json)
-    lines = [_line(record, progress(record.path)) for record in records]
+    lines = [
+        _line(record, progress(record.path) if record.status == "running" else {})
+        for record in records
+    ]
     lines.sort(key=lambda line: not line["own"])  # stays sorted by path among its own kind
     if json:
         console.result_json(lines)

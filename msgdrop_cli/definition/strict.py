@@ -142,7 +142,7 @@ def convert(value: Any, hint: Any, where: Where) -> Any:
     Any other annotation is a mistake of ours: TypeError.
     """
     origin, arguments = get_origin(hint), get_args(hint)
-    if hint is Any:
+    if hint is Any or (arguments[1:] == (Any,) and isinstance(value, Mapping)):
         return value
     if hint in _NAMES:
         return _scalar(value, hint, where)

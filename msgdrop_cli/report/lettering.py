@@ -1,6 +1,7 @@
 """Letters in figures: which ones the font has, how wide a line is, where it breaks."""
 
 import unicodedata
+from functools import lru_cache
 from typing import TYPE_CHECKING, Literal
 
 from msgdrop_cli.report.settings import FONT
@@ -44,6 +45,7 @@ def drawable_name(text: str) -> str:
     return text if len(text) <= _LONGEST else f"{text[: _LONGEST // 2]}…{text[-_LONGEST // 2 :]}"
 
 
+@lru_cache(maxsize=4_096)  # the same words on every figure
 def width(text: str, size: float, weight: Weight = "normal") -> float:
     """Of one line of drawable text, in inches; size in points."""
     font = _font(weight)
