@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from msgdrop_cli.analysis.intervals import mean_band
+from msgdrop_cli.analysis.sources import code
 from msgdrop_cli.analysis.statistics import Interval, mean, total
 from msgdrop_cli.errors import RecordError
 from msgdrop_cli.records.packed import log_file
@@ -44,7 +45,7 @@ def learning_curve(records: Sequence[RunRecord], metric: str) -> Curve | None:
 
     metric: a key of `metrics.jsonl`.
     """
-    smoothed = {record.seed: _smooth(_windows(record, metric)) for record in records}
+    smoothed = {record.seed: smooth_curve(record, metric) for record in records}
     grid = sorted(set.intersection(*map(set, smoothed.values()))) if smoothed else []
     if not grid:
         return None
@@ -63,7 +64,27 @@ def learning_mean(record: RunRecord, metric: str) -> float | None:
     Windows weigh their env steps, so a per-step rate such as catches per 500 is exact. None when
     the log has no value of this metric.
     """
-    windows = _windows(record, metric)
+    mean: float | None = record.derive(
+        f"learning mean {metric}", code(), lambda: _learning_mean(_windows(record, metric))
+    )
+    return mean
+
+
+def smooth_curve(record: RunRecord, metric: str) -> dict[int, float]:
+    """The metric of one run by env step, in a centred moving mean over SMOOTHING_SHARE of it."""
+    steps, values = record.derive(
+        f"learning curve {metric}",
+        code(),
+        lambda: _columns(_smooth(_windows(record, metric))),
+    )
+    return dict(zip(steps, values, strict=True))
+
+
+def _columns(points: Mapping[int, float]) -> tuple[list[int], list[float]]:
+    return [*points], [*points.values()]
+
+
+def _learning_mean(windows: Sequence[Window]) -> float | None:
     return _weighted_mean(windows) if windows else None
 
 

@@ -6,10 +6,13 @@ numbers.
 
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
-from typing import NamedTuple
+from functools import lru_cache
+from typing import Any, NamedTuple
 
 from msgdrop_cli.analysis.metrics import NamedMetric
+from msgdrop_cli.analysis.sources import code
 from msgdrop_cli.definition.channel import Channel
+from msgdrop_cli.definition.run_id import short_hash
 from msgdrop_cli.errors import RecordError
 from msgdrop_cli.records.packed import log_file
 from msgdrop_cli.records.store import EPISODES, RunRecord
@@ -92,20 +95,40 @@ def evaluations_of(
     record: RunRecord, metrics: Sequence[NamedMetric], episodes: int | None
 ) -> dict[Channel, Evaluation]:
     """Each channel of one run, over its first `episodes` (None: all)."""
+    name = f"evaluations {_formulas(tuple(metrics))} {episodes}"
+    found = record.derive(name, code(), lambda: _evaluated(record, metrics, episodes))
+    return {_channel(entry): Evaluation(*evaluation) for entry, *evaluation in found}
+
+
+def _evaluated(
+    record: RunRecord, metrics: Sequence[NamedMetric], episodes: int | None
+) -> list[tuple[Any, ...]]:
+    """What each channel is called in a log, and the fields of its Evaluation."""
     played = record.episodes()
     try:
         for rows in played.values():
             rows.sort(key=lambda row: row["episode"])
-        return {
-            channel: Evaluation(
-                recorded=len(rows),
-                values={each.name: each.value(rows[:episodes]) for each in metrics},
-                errors={each.name: each.standard_error(rows[:episodes]) for each in metrics},
+        return [
+            (
+                *channel.entry.values(),
+                len(rows),
+                {each.name: each.value(rows[:episodes]) for each in metrics},
+                {each.name: each.standard_error(rows[:episodes]) for each in metrics},
             )
             for channel, rows in played.items()
-        }
+        ]
     except (KeyError, TypeError, ValueError, ZeroDivisionError) as error:
         raise RecordError(
             f"{log_file(record.path / EPISODES)}: an episode's row is not readable ({error!r}); "
             "evaluate this run again"
         ) from error
+
+
+@lru_cache(maxsize=64)  # thousands of runs, a few games
+def _formulas(metrics: tuple[NamedMetric, ...]) -> str:
+    return short_hash({"metrics": repr(metrics)})
+
+
+@lru_cache(maxsize=1_024)  # thousands of runs, a few channels
+def _channel(entry: str | float) -> Channel:
+    return Channel.read(entry)

@@ -10,23 +10,16 @@ from collections import defaultdict
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from itertools import chain, groupby
-from statistics import stdev
 from types import MappingProxyType
 from typing import Any, NamedTuple
 
 from msgdrop_cli.analysis.evaluations import Measured, comparable
-from msgdrop_cli.analysis.intervals import mean_interval
 from msgdrop_cli.analysis.labels import remarks, shared_overrides
 from msgdrop_cli.analysis.metrics import UNKNOWN, Metrics, metrics_of
 from msgdrop_cli.analysis.order import in_order
 from msgdrop_cli.analysis.provenance import origin
-from msgdrop_cli.analysis.statistics import (
-    Interval,
-    interquartile_mean,
-    iqm_interval,
-    mean,
-    root_mean_square,
-)
+from msgdrop_cli.analysis.rows import Row as Row
+from msgdrop_cli.analysis.statistics import root_mean_square
 from msgdrop_cli.definition.channel import NONE_BROKEN, Channel
 from msgdrop_cli.definition.spec import TrainingSpec
 from msgdrop_cli.errors import RecordError
@@ -44,31 +37,6 @@ class Group(NamedTuple):
     environment: str
     train_env_steps: int
     profile: str
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Row:
-    """One metric of one arm, evaluated through one channel."""
-
-    metric: str
-    channel: Channel
-    by_seed: Mapping[int, float]
-    """Value of each seed, in order of the seeds."""
-    mean: float
-    iqm: float
-    """Interquartile mean over seeds."""
-    interval: Interval | None
-    """95% sign-flip interval of the mean over seeds; below six lowest to highest, None for one."""
-    iqm_interval: Interval | None
-    """95% bootstrap interval of the interquartile mean; None below ten seeds."""
-    within: float | None
-    """Error within a seed: the standard error over its episodes, root mean square of the seeds."""
-    between: float | None
-    """Standard deviation of the seeds' values, which that error is a part of; None for one seed."""
-    episodes: int
-    """Evaluation episodes of each seed: as many as of every other row of its group."""
-    recorded: int
-    """The most that a seed has in its record; the first `episodes` of them count."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -244,27 +212,18 @@ def _arm(runs: Sequence[RunRecord]) -> Arm:
 def _rows(
     metrics: Metrics, measured: Measured, episodes: int, bootstrap_seed: int
 ) -> Iterable[Row]:
-    import numpy as np
-
     for channel in sorted(measured):
         seeds = measured[channel]
         for metric in metrics.all:
             by_seed = {seed: evaluation.values[metric.name] for seed, evaluation in seeds.items()}
-            values = list(by_seed.values())
-            # A generator of its own for each row: an interval must not depend on its neighbours.
-            rng = np.random.default_rng(bootstrap_seed)
             yield Row(
                 metric=metric.name,
                 channel=channel,
                 by_seed=by_seed,
-                mean=mean(values),
-                iqm=interquartile_mean(values),
-                interval=mean_interval(values),
-                iqm_interval=iqm_interval(values, rng),
                 within=root_mean_square([each.errors[metric.name] for each in seeds.values()]),
-                between=stdev(values) if len(values) > 1 else None,
                 episodes=episodes,
                 recorded=max(evaluation.recorded for evaluation in seeds.values()),
+                bootstrap_seed=bootstrap_seed,
             )
 
 

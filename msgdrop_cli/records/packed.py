@@ -19,6 +19,8 @@ from msgdrop_cli.records.parsing import LONGEST_LINE, parse_rows
 
 LARGEST_PACKED = LARGEST_FILE // 4
 """Bytes of a packed log; numbers shrink to a sixth."""
+_BLOCK = 2**18
+"""Bytes that are read at once: no more of a log is in the memory beside its rows."""
 
 
 def packed_name(name: str) -> str:
@@ -43,16 +45,23 @@ def log_bytes(path: Path) -> bytes | None:
     return content
 
 
-def read_log(path: Path) -> list[dict[str, Any]]:
+def read_log(path: Path, *numbers: str) -> list[dict[str, Any]]:
     """The rows of a log, none if there is no such log; a torn last line is left out.
 
-    Raises RecordError, naming file and line, for every other damage.
+    numbers: what must be one in every row. Raises RecordError, naming file and line, for every
+    other damage.
     """
     file = log_file(path)
     if not lexists(file):
         return []
     with _unpacked(file, file != path) as log:
-        return parse_rows(_whole_lines(log, file), str(file))
+        rows = parse_rows(_whole_lines(log, file), str(file))
+    for number, row in enumerate(rows, start=1):
+        for key in numbers:
+            if type(row.get(key)) not in (int, float) or abs(row[key]) >= 2**63:
+                problem = f"line {number}: {key!r} is not a number of 64 bits"
+                raise RecordError(one_line(f"{file}: {problem}"))
+    return rows
 
 
 def pack(content: bytes) -> bytes:
@@ -77,16 +86,19 @@ def _unpacked(file: Path, is_packed: bool) -> Iterator[BufferedIOBase]:
 
 
 def _whole_lines(log: BufferedIOBase, file: Path) -> Iterator[bytes]:
-    """The lines that end, one by one; what follows the last end was torn by a crash."""
+    """The lines that end, without their ends; what follows the last one was torn by a crash."""
     read = number = 0
-    while line := log.readline(LONGEST_LINE + 1):
-        number, read = number + 1, read + len(line)
-        if len(line) > LONGEST_LINE:
-            problem = f"is damaged: it has more than {LONGEST_LINE:,} bytes"
-            raise RecordError(one_line(f"{file}: line {number}: {problem}"))
+    rest = b""
+    while block := log.read(_BLOCK):
+        read += len(block)
         _check_size(read, file)
-        if line.endswith(b"\n"):
-            yield line
+        *lines, rest = (rest + block).split(b"\n")
+        if max(map(len, (*lines, rest))) >= LONGEST_LINE:
+            long = [len(line) >= LONGEST_LINE for line in (*lines, rest)].index(True)
+            problem = f"is damaged: it has more than {LONGEST_LINE:,} bytes"
+            raise RecordError(one_line(f"{file}: line {number + long + 1}: {problem}"))
+        number += len(lines)
+        yield from lines
 
 
 def _check_size(size: int, file: Path) -> None:

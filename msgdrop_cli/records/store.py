@@ -4,8 +4,8 @@ What a run is stands in its `run.json`, never in a file name; `folders` finds wh
 """
 
 import os
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, fields
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field, fields
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, Literal, NamedTuple, get_args
@@ -15,6 +15,7 @@ from msgdrop_cli.definition.run_id import spec_to_dict
 from msgdrop_cli.definition.spec import NAME, PlannedRun
 from msgdrop_cli.definition.strict import Where, build, one_line
 from msgdrop_cli.errors import DefinitionError, RecordError
+from msgdrop_cli.records.derived import Derived
 from msgdrop_cli.records.episodes import by_channel
 from msgdrop_cli.records.files import CANNOT_CREATE, read_json, write_json_atomic
 from msgdrop_cli.records.folders import EPISODES as EPISODES
@@ -76,6 +77,8 @@ class RunRecord:
     path: Path
     run: dict[str, Any]
     """The whole of `run.json`, checked."""
+    derived: Derived | None = field(default=None, compare=False, repr=False)
+    """What was computed of its logs, where that is kept."""
 
     @property
     def run_id(self) -> str:
@@ -162,16 +165,27 @@ class RunRecord:
 
     def metrics(self) -> list[dict[str, Any]]:
         """The rows of `metrics.jsonl`, none before the first; RecordError if damaged."""
-        return _rows(self.path / METRICS, "env_steps")
+        return read_log(self.path / METRICS, "env_steps")
 
     def episodes(self) -> dict[Channel, list[dict[str, Any]]]:
         """The raw evaluation episodes, channel by channel; RecordError if damaged."""
-        return by_channel(_rows(self.path / EPISODES, "episode"), log_file(self.path / EPISODES))
+        return by_channel(read_log(self.path / EPISODES, "episode"), log_file(self.path / EPISODES))
+
+    def derive(self, name: str, code: str, make: Callable[[], Any]) -> Any:
+        """A JSON value that `make` computes of the logs, or computed once if it is kept.
+
+        code: a digest of what makes it. Raises what `make` raises.
+        """
+        return self.derived.value(name, code, make) if self.derived else make()
 
     def has_episodes(self, channels: Iterable[Channel], count: int) -> bool:
         """Whether it has at least `count` episodes of each channel; RecordError if damaged."""
-        played = self.episodes()
-        return all(len(played.get(channel, ())) >= count for channel in channels)
+        played = dict(self.derive("episodes through each channel", "", self._played))
+        return all(played.get(*channel.entry.values(), 0) >= count for channel in channels)
+
+    def _played(self) -> list[tuple[Any, ...]]:
+        """What each channel is called in a log, and how many episodes it has."""
+        return [(*channel.entry.values(), len(rows)) for channel, rows in self.episodes().items()]
 
 
 class Listing(NamedTuple):
@@ -284,15 +298,6 @@ def _record(path: Path) -> RunRecord:
     except DefinitionError as error:
         raise RecordError(str(error)) from error
     return RunRecord(path, run)
-
-
-def _rows(path: Path, key: str) -> list[dict[str, Any]]:
-    rows = read_log(path)
-    for number, row in enumerate(rows, start=1):
-        if type(row.get(key)) not in (int, float) or abs(row[key]) >= 2**63:
-            problem = f"line {number}: {key!r} is not a number of 64 bits"
-            raise RecordError(one_line(f"{log_file(path)}: {problem}"))
-    return rows
 
 
 def _checked_facts(facts: Mapping[str, Any]) -> Mapping[str, Any]:

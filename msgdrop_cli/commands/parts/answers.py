@@ -6,11 +6,11 @@ count. So a run of somebody else's question, or one with a setting of its own, a
 
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
-from msgdrop_cli.analysis.curves import learning_curve
+from msgdrop_cli.analysis.curves import smooth_curve
 from msgdrop_cli.analysis.metrics import metrics_of
 from msgdrop_cli.analysis.reproduction import Answer
 from msgdrop_cli.analysis.summary import Summary, summarise
@@ -25,7 +25,9 @@ from msgdrop_cli.definition.spec import Definition, PlannedRun
 from msgdrop_cli.errors import RecordError
 from msgdrop_cli.records.counted import preferred
 from msgdrop_cli.records.folders import run_folders
+from msgdrop_cli.records.remembering import remembering
 from msgdrop_cli.records.store import RunRecord, list_runs
+from msgdrop_cli.report.write import pages_folder
 
 
 class Scale(NamedTuple):
@@ -38,33 +40,6 @@ class Scale(NamedTuple):
     def name(self) -> str:
         """What records call it."""
         return under(self.profile, self.readings)
-
-
-@dataclass(frozen=True, slots=True)
-class ReadOnce(RunRecord):
-    """A run whose log is read once: several claims and figures look at it."""
-
-    log: list[list[dict[str, Any]]] = field(default_factory=list)
-    played: dict[Channel, int] = field(default_factory=dict)
-    """Episodes through each channel, once they have been read."""
-
-    def metrics(self) -> list[dict[str, Any]]:
-        """The rows of its log, which nobody changes."""
-        if not self.log:
-            self.log.append(RunRecord.metrics(self))
-        return self.log[0]
-
-    def episodes(self) -> dict[Channel, list[dict[str, Any]]]:
-        """The raw episodes, which are too many to be kept; their numbers are."""
-        found = RunRecord.episodes(self)
-        self.played.update({channel: len(rows) for channel, rows in found.items()})
-        return found
-
-    def has_episodes(self, channels: Iterable[Channel], count: int) -> bool:
-        """As of any run, without reading again what is known."""
-        if not self.played:
-            self.episodes()
-        return all(self.played.get(channel, 0) >= count for channel in channels)
 
 
 class Unreadable(NamedTuple):
@@ -101,7 +76,7 @@ def readable_runs(root: Path) -> tuple[list[RunRecord], list[Unreadable]]:
             records += list_runs(folder)
         except RecordError as error:
             unreadable.append(Unreadable(folder, str(error)))
-    return records, unreadable
+    return remembering(records, pages_folder(root).root), unreadable
 
 
 def find_answers(root: Path, definitions: Sequence[Definition], catalogue: Catalogue) -> Answers:
@@ -114,7 +89,7 @@ def find_answers(root: Path, definitions: Sequence[Definition], catalogue: Catal
     found: dict[tuple[str, str, str], RunRecord] = {}
     for record in (record for each in matched for record in each.records):
         key = (record.run_id, record.variant, record.profile)
-        found.setdefault(key, ReadOnce(record.path, record.run))
+        found.setdefault(key, record)
     used = _sound(found.values(), _read_log, unreadable)
     try:
         summary = _summary(used, root)
@@ -224,7 +199,7 @@ def _sound(
 
 def _read_log(record: RunRecord) -> None:
     if record.status == "done":
-        learning_curve([record], metrics_of(record).headline.name)
+        smooth_curve(record, metrics_of(record).headline.name)
 
 
 def _of(definition: Definition, ids: set[tuple[str, str, str]], summary: Summary) -> Summary:

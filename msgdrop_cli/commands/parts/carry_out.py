@@ -245,7 +245,7 @@ def as_planned(record: RunRecord, planned: PlannedRun) -> RunRecord:
         "definition": planned.definition,
         "profile": planned.profile,
     }
-    return RunRecord(record.path, record.run | names)
+    return RunRecord(record.path, record.run | names, record.derived)
 
 
 def _place(looked_up: Survey, run: PlannedRun, root: Path) -> Path:

@@ -1,0 +1,14 @@
+"""Which runs keep what is computed of their logs: those of who asks for it, and no others."""
+
+from collections.abc import Iterable
+from dataclasses import replace
+from pathlib import Path
+
+from msgdrop_cli.records.derived import Derived
+from msgdrop_cli.records.store import EPISODES, METRICS, RunRecord
+
+
+def remembering(records: Iterable[RunRecord], home: Path) -> list[RunRecord]:
+    """The same runs; what is computed of them is kept in the results folder `home`."""
+    logs = (METRICS, EPISODES)
+    return [replace(record, derived=Derived(home, record.path, logs)) for record in records]

@@ -1,0 +1,176 @@
+"""What is kept of runs' logs gives the same numbers, and is never worth more than the logs."""
+
+import json
+import os
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from msgdrop_cli.analysis import curves
+from msgdrop_cli.analysis.curves import learning_curve, learning_mean
+from msgdrop_cli.analysis.summary import summarise
+from msgdrop_cli.commands.parts.verified import verified
+from msgdrop_cli.records import derived
+from msgdrop_cli.records.derived import DERIVED
+from msgdrop_cli.records.files import read_bytes
+from msgdrop_cli.records.packed import read_log
+from msgdrop_cli.records.remembering import remembering
+from msgdrop_cli.records.store import EPISODES, METRICS, RunRecord, list_runs
+from tests.fake_runs import write_run
+
+METRIC = "catches_per_500"
+CURVE = (1.0 / 3.0, 0.1, None, 2.7)
+
+
+@pytest.fixture(autouse=True)
+def _settled(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Logs of just now are relied on, as those of hours ago are."""
+    monkeypatch.setattr(derived, "SETTLED_NS", 0)
+
+
+@pytest.fixture
+def home(tmp_path: Path) -> Path:
+    """A results folder with two finished runs."""
+    for seed in (1, 2):
+        write_run(tmp_path, "dcc", seed, catches={0.0: 3 + seed, 0.5: 1}, curve=CURVE)
+    return tmp_path
+
+
+def records(home: Path) -> list[RunRecord]:
+    """The runs, as they are read by who keeps what was computed."""
+    return remembering(list_runs(home), home)
+
+
+def numbers(runs: Sequence[RunRecord]) -> tuple[Any, ...]:
+    """Everything that is kept, and what is made of it, to the last bit."""
+    means = [learning_mean(run, METRIC) for run in runs]
+    return summarise(runs).to_json(), repr(learning_curve(runs, METRIC)), repr(means)
+
+
+def no_log(*_: Any) -> Any:
+    """A log that nobody may read."""
+    raise AssertionError("a log was read")
+
+
+def test_numbers_are_the_same_without_with_and_from_what_is_kept(home: Path) -> None:
+    """Bit for bit."""
+    without = numbers(list_runs(home))
+    assert numbers(records(home)) == without
+    assert numbers(records(home)) == without
+
+
+def test_logs_are_read_once(home: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The second time no log is opened at all."""
+    first = numbers(records(home))
+    monkeypatch.setattr("msgdrop_cli.records.store.read_log", no_log)
+    assert numbers(records(home)) == first
+
+
+def test_one_file_is_read_for_each_run(home: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """However many numbers are asked for."""
+    numbers(records(home))
+    opened: list[Path] = []
+
+    def noted(path: Path, most: int) -> bytes:
+        opened.append(path)
+        return read_bytes(path, most)
+
+    monkeypatch.setattr(derived, "read_bytes", noted)
+    numbers(records(home))
+    assert sorted(opened) == sorted((home / DERIVED).iterdir())
+    assert len(opened) == 2
+
+
+@pytest.mark.parametrize("log", [METRICS, EPISODES])
+def test_a_changed_log_is_read_again(home: Path, log: str) -> None:
+    """Also one that is as long, and says that it is as old."""
+    before = numbers(records(home))
+    path = list_runs(home)[0].path / log
+    times = path.stat()
+    changed = path.read_text().replace('"catches": 4', '"catches": 9').replace("0.1", "0.2")
+    path.write_text(changed)
+    os.utime(path, ns=(times.st_atime_ns, times.st_mtime_ns))
+    assert path.stat().st_size == times.st_size
+    assert numbers(records(home)) == numbers(list_runs(home)) != before
+
+
+@pytest.mark.parametrize("damage", [b"", b"\xff" * 9, b"{}", b"digest\n[[], {}]"])
+def test_damage_is_made_anew(home: Path, damage: bytes) -> None:
+    """Silently."""
+    right = numbers(records(home))
+    files = sorted((home / DERIVED).iterdir())
+    sound = [file.read_bytes() for file in files]
+    files[0].write_bytes(damage)
+    assert numbers(records(home)) == right
+    assert [file.read_bytes() for file in files] == sound
+
+
+def test_a_changed_digit_is_damage(home: Path) -> None:
+    """What is kept is sealed."""
+    right = numbers(records(home))
+    for file in (home / DERIVED).iterdir():
+        file.write_bytes(file.read_bytes().replace(b"2.7", b"3.7"))
+    assert numbers(records(home)) == right
+
+
+def test_other_code_makes_its_own_numbers(home: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What another version has kept does not count."""
+    numbers(records(home))
+    monkeypatch.setattr(curves, "code", lambda: "another")
+    monkeypatch.setattr(curves, "_learning_mean", lambda windows: 42.0)
+    assert [learning_mean(run, METRIC) for run in records(home)] == [42.0, 42.0]
+
+
+def test_nothing_is_kept_of_a_log_that_has_just_been_written(
+    home: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It might be written again within one tick of the file system's clock."""
+    monkeypatch.setattr(derived, "SETTLED_NS", 3_600 * 10**9)
+    numbers(records(home))
+    assert not (home / DERIVED).exists()
+
+
+def test_a_folder_that_cannot_be_written_is_read_all_the_same(home: Path) -> None:
+    """As a link is, through which nothing is written."""
+    (home / "elsewhere").mkdir()
+    (home / DERIVED).symlink_to("elsewhere")
+    assert numbers(records(home)) == numbers(list_runs(home))
+    assert not any((home / "elsewhere").iterdir())
+
+
+def test_verify_reads_the_logs(home: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Whatever is kept of them."""
+    numbers(records(home))
+    read: set[str] = set()
+
+    def noted(path: Path, *keys: str) -> list[dict[str, Any]]:
+        read.add(path.name)
+        return read_log(path, *keys)
+
+    monkeypatch.setattr(derived.Derived, "value", no_log)
+    monkeypatch.setattr("msgdrop_cli.records.store.read_log", noted)
+    [found] = verified(home, tmp_path / "scratch")
+    assert found.looked_at.startswith("2 finished runs")
+    assert read == {METRICS, EPISODES}
+
+
+def test_estimates_are_made_when_they_are_asked_for(
+    home: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of thousands of rows a figure shows a few."""
+    monkeypatch.setattr("msgdrop_cli.analysis.rows.mean_interval", no_log)
+    row = summarise(list_runs(home)).arms[0].rows[0]
+    assert row.mean == 4.5
+    with pytest.raises(AssertionError):
+        _ = row.interval
+
+
+def test_json_names_the_logs_that_it_was_made_of(home: Path) -> None:
+    """Device, inode, size and times of both."""
+    numbers(records(home))
+    for file in (home / DERIVED).iterdir():
+        made_of, values = json.loads(file.read_bytes().partition(b"\n")[2])
+        assert len(made_of) == 10
+        assert len(values) == 3
