@@ -74,6 +74,21 @@ def test_bars_of_other_channels_are_not_called_broken_links(tmp_path: Path) -> N
     assert not any("broken-links" in name for name in names)
 
 
+def test_a_figure_that_nobody_wants_is_not_drawn(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Drawing takes longer than all that a figure shows."""
+    monkeypatch.setattr("msgdrop_cli.report.figures.draw_learning", None)
+    paths = draw_all(
+        summarise(full_study(tmp_path)),
+        Folder(tmp_path / "figures"),
+        suffixes=["csv"],
+        wanted=lambda name: not name.endswith("-learning"),
+    )
+    kinds = [path.stem.removeprefix("pursuit-n6-quick-1000-") for path in paths]
+    assert kinds == ["dropout-rate", "broken-links"]
+
+
 def test_same_records_same_bytes(tmp_path: Path) -> None:
     """Drawing again changes no published file."""
     records = full_study(tmp_path)

@@ -44,12 +44,14 @@ def draw_all(
     folder: Folder,
     claims: Sequence[Claim] | None = None,
     suffixes: Sequence[str] = SUFFIXES,
+    wanted: Callable[[str], bool] = bool,
 ) -> list[Path]:
     """Draw what the done runs allow; the files are `<environment>-<profile>-<steps>-<kind>.png`.
 
     Beside each lie the same as .pdf and .svg, and its numbers as .csv, or what `suffixes` asks for.
     claims: whose differences are drawn; None: those of the shipped questions that these runs were
-    trained for. Returns the paths, figure by figure.
+    trained for. wanted: of a figure's name, whether it is drawn; all are. Returns the paths, figure
+    by figure.
     Raises RecordError: rows that cannot be read, a folder that cannot be written (73, 74).
     """
     claims = shipped_claims(summary) if claims is None else claims
@@ -65,10 +67,11 @@ def draw_all(
                 "matrix": draw_matrix,
                 "differences": partial(draw_differences, pairs=pairs),
             }
-            for kind, draw in kinds.items():
-                drawn = draw(summary, group)
+            names = {f"{file_stem(group)}-{kind}": draw for kind, draw in kinds.items()}
+            for name in filter(wanted, names):
+                drawn = names[name](summary, group)
                 if drawn is not None:
-                    paths += drawn.write(folder, f"{file_stem(group)}-{kind}", suffixes)
+                    paths += drawn.write(folder, name, suffixes)
     return paths
 
 

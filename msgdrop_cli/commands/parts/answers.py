@@ -17,7 +17,6 @@ from msgdrop_cli.analysis.summary import Summary, summarise
 from msgdrop_cli.commands.parts.carry_out import as_planned
 from msgdrop_cli.commands.parts.find_references import references_of
 from msgdrop_cli.definition.catalogue import Catalogue
-from msgdrop_cli.definition.channel import Channel
 from msgdrop_cli.definition.plan import plan
 from msgdrop_cli.definition.readings import apart, readings_of, under
 from msgdrop_cli.definition.run_id import run_id

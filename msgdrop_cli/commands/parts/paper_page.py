@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 from msgdrop_cli import __version__
@@ -103,8 +104,9 @@ def _pictures(
         mine = [section for section in sections if section.question == question]
         if not summary.arms or not mine:
             continue
+        shown = partial(_shown, sections=mine, groups=summary.groups)
         with scratch_folder() as scratch:
-            drawn = draw_all(summary, Folder(scratch), suffixes=("png",))
+            drawn = draw_all(summary, Folder(scratch), suffixes=("png",), wanted=shown)
             pictures = [(path.stem, with_few_colours(path.read_bytes())) for path in drawn]
         for section in mine:
             found[section.key] = tuple(
@@ -113,6 +115,11 @@ def _pictures(
                 if _belongs(name, section, summary.groups)
             )
     return found
+
+
+def _shown(name: str, sections: Sequence[Section], groups: Sequence[Group]) -> bool:
+    """Whether a figure belongs to one of the sections; the others need not be drawn."""
+    return any(_belongs(name, section, groups) for section in sections)
 
 
 def _belongs(name: str, section: Section, groups: Sequence[Group]) -> bool:
