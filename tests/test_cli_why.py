@@ -12,11 +12,13 @@ from msgdrop_cli.commands.parts import why
 from msgdrop_cli.definition.load import load_definition
 from msgdrop_cli.definition.plan import plan
 from msgdrop_cli.definition.readings import all_readings, apart, under
+from msgdrop_cli.definition.run_id import spec_to_dict
 from msgdrop_cli.engine.offers import catalogue
 from msgdrop_cli.records.files import run_lock
 from msgdrop_cli.records.planned import plan_run
 from msgdrop_cli.records.store import RunRecord, list_runs, run_path
 from tests.cli_runs import ROOT, msgdrop
+from tests.runs import foreign_run
 
 PUBLISHED = ROOT / "results" / "published"
 
@@ -179,3 +181,16 @@ def test_why_says_how_long_it_takes_as_the_plan_does(
     assert why_not["time"].startswith("about ")
     assert why_not["time"].endswith("if 2 cores are free)")
     assert f"time {why_not['time']}" in said
+
+
+def test_what_nobody_has_asked_for_is_shown_without_a_time(monkeypatch: pytest.MonkeyPatch) -> None:
+    """No factory that a record names is called for an estimate; what is unknown is none, either."""
+    run = foreign_run("Push")
+    monkeypatch.delenv("MSGDROP_FACTORIES")
+    theirs = spec_to_dict(run.spec)
+    unknown = _published().spec | {"algorithm": {"learner": "nobody"}}
+    for number, spec in enumerate((theirs, unknown)):
+        record = published(status="planned", spec=spec, run_id=f"0000000{number}")
+        found = why.reasons([record], catalogue())
+        assert [each.word for each in found] == ["planned"]
+        assert why.times(found, [record], catalogue()) == [""]

@@ -66,7 +66,7 @@ def _time(found: Why, paces: Paces, catalogue: Catalogue) -> str:
     try:
         tasks = [[_left(record, catalogue)] for record in found.records]
         spent, source = paces.of(tasks)
-    except DefinitionError:
+    except DefinitionError:  # of a game that is not here, or that nobody has asked for
         return ""
     return f"{about(*spent)} with {several(min(WORKERS, len(tasks)), 'worker')} ({source})"
 
