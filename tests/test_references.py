@@ -10,6 +10,7 @@ import pytest
 
 from msgdrop_cli.analysis.summary import Summary, summarise
 from msgdrop_cli.commands.parts.find_references import references_of
+from msgdrop_cli.definition.channel import Channel
 from msgdrop_cli.definition.run_id import spec_to_dict
 from msgdrop_cli.engine.play_references import play_references
 from msgdrop_cli.errors import RecordError
@@ -73,6 +74,23 @@ def test_figures_draw_what_is_near_and_tell_what_is_far(tmp_path: Path, draw: ob
     footer = " ".join(figure.texts[0].get_text().split())
     assert "policies that learn nothing, 200 episodes each. Not drawn: (scripted) 62." in footer
     assert axes.get_ylim()[1] < 10
+
+
+def test_beside_policies_that_act_at_random_at_times_they_do_not_stand(tmp_path: Path) -> None:
+    """They were played without an epsilon: a table has a dash there, a figure says so."""
+    run = write_run(tmp_path, "dcc", 1, catches={0.0: 3, 0.5: 2})
+    rows = (run.path / "episodes.jsonl").read_text()
+    exploring = rows.replace('"broken_links": 0.5', '"channel": "links:0+epsilon:0.02"')
+    (run.path / "episodes.jsonl").write_text(exploring)
+    found = summarise([run], references={game_key(GAME): KNOWN})
+    assert channels_table(found, GROUP).rows[1] == ("(random)", "\u2013", "0.50", "\u2013")
+    alone = results_table(found, GROUP, Channel.read("none+epsilon:0.02"))
+    assert alone.rows[1][:3] == ("(random)", "\u2013", "\u2013")
+    assert "greedy" not in alone.caption
+    drawn = draw_channels(found, GROUP)
+    assert drawn is not None
+    footer = " ".join(drawn.figure.texts[0].get_text().split())
+    assert "Not drawn: (scripted) 62. These act without an epsilon." in footer
 
 
 def test_arms_under_different_rules_have_no_common_reference(tmp_path: Path) -> None:

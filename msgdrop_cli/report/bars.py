@@ -25,6 +25,9 @@ _NARROWEST, _ROOM = 1.15, 0.1
 _PER_BAR, _BESIDE = 0.42, 1.75
 """Inches of a figure for each bar, and of them what lies beside the axes."""
 
+_NO_EPSILON = " These act without an epsilon."
+"""Of the reference policies beside bars of policies that act at random at times."""
+
 
 def draw_channels(summary: Summary, group: Group) -> Drawn | None:
     """The headline of each variant through each evaluated channel, as bars side by side."""
@@ -44,7 +47,8 @@ def draw_channels(summary: Summary, group: Group) -> Drawn | None:
         f"the same policies {_through(channels)}. "
         + spread_note({len(row.by_seed) for row in rows}, "bar", "line")
         + " Dots: seeds."
-        + lines.note,
+        + lines.note
+        + (_NO_EPSILON if lines.note and any(each.epsilon for each in channels) else ""),
     )
     bar = _bar_width([each.label for each in shown], channels)
     slot = bar * (len(channels) + _BETWEEN)

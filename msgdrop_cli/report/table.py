@@ -49,12 +49,12 @@ def results_table(summary: Summary, group: Group, channel: Channel = NONE_BROKEN
         for arm in arms
     ]
     references = summary.references_of(group)
-    rows += _reference_rows(
-        references, [metrics.headline.name, None, None, *(each.name for each in others)]
-    )
+    columns = (metrics.headline.name, None, None, *(each.name for each in others))
+    rows += _reference_rows(references, [(name, channel) for name in columns])
     shown = [row for arm in arms for row in arm.rows if row.channel == channel]
     evaluation = (
-        f"{_first(shown)}{shown[0].episodes:,} greedy evaluation episodes per seed, {channel.label}"
+        f"{_first(shown)}{shown[0].episodes:,} {'' if channel.epsilon else 'greedy '}evaluation "
+        f"episodes per seed, {channel.label}"
         if shown
         else "not evaluated yet"
     )
@@ -93,7 +93,7 @@ def channels_table(summary: Summary, group: Group) -> Table:
         for arm in arms
     ]
     references = summary.references_of(group)
-    rows += _reference_rows(references, [headline.name] * len(channels))
+    rows += _reference_rows(references, [(headline.name, each) for each in channels])
     headers = ("variant", "seeds", *(each.short for each in channels))
     if len(channels) >= MANY:
         headers, *rows = zip(headers, *rows, strict=True)
@@ -166,13 +166,19 @@ def reference_label(name: str) -> str:
 
 
 def _reference_rows(
-    references: References | None, columns: Sequence[str | None]
+    references: References | None, columns: Sequence[tuple[str | None, Channel]]
 ) -> list[tuple[str, ...]]:
-    """A row for each policy: its name, no seeds, and for each column its metric (None: a dash)."""
+    """A row for each policy: its name, no seeds, and for each column its metric (None: a dash).
+
+    They were played as they are, so a column of policies that act at an epsilon has none of them.
+    """
     policies = references.policies if references else {}
     rows = []
     for name, policy in policies.items():
-        values = [policy.metrics.get(metric) if metric else None for metric in columns]
+        values = [
+            policy.metrics.get(metric) if metric and not channel.epsilon else None
+            for metric, channel in columns
+        ]
         cells = (NOTHING if value is None else _number(value) for value in values)
         rows.append((reference_label(name), NOTHING, *cells))
     return rows
