@@ -9,7 +9,7 @@
 #   make fuzz    every reader of other people's files, a minute each (fewer: make fuzz SECONDS=10)
 #   make audit   known vulnerabilities and suspicious code, as far as that works without a network
 #   make bench   env steps per second, ours and the straightforward implementation's; the floor
-#   make readme  the numbers in README.md and results/README.md again, from the published records
+#   make readme  the numbers in README.md, PAPER.md, results and docs again, from the records
 #   make clean   remove caches and builds      make distclean   remove .venv, too
 # A Python of your choice:  make demo PYTHON=/path/to/python3.12
 
