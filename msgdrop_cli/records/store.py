@@ -181,7 +181,8 @@ class RunRecord:
     def has_episodes(self, channels: Iterable[Channel], count: int) -> bool:
         """Whether it has at least `count` episodes of each channel; RecordError if damaged."""
         played = dict(self.derive("episodes through each channel", "", self._played))
-        return all(played.get(*channel.entry.values(), 0) >= count for channel in channels)
+        wanted = (played.get(name, 0) for each in channels for name in each.entry.values())
+        return all(episodes >= count for episodes in wanted)
 
     def _played(self) -> list[tuple[Any, ...]]:
         """What each channel is called in a log, and how many episodes it has."""
