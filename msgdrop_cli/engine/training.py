@@ -5,7 +5,7 @@ With E parallel games, E env steps happen at once; the updates per env step stay
 """
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 import torch
 from torch import Tensor
@@ -53,6 +53,8 @@ class Training:
         """Since the last log: what is counted in each run, [counts + 3, R]."""
         self.watched = (self.learner.means.sums.view(-1), self.sums.view(-1))
         """Numbers that are finite as long as loss, Q and reward were, those of run r at r + i*R."""
+        asked = waiting.can_ask(self.sums)
+        self._seen = [each.numpy().data for each in self.watched] if asked else []
         self.odd: dict[int, int] = {}
         """The runs in which one was not, and how many updates had been made when it was seen."""
         self.games: autoreset.Games
@@ -79,16 +81,15 @@ class Training:
         self.play(actions)
         for _ in range(self.updates_due()):
             self.learn(self.sample())
-            if waiting.can_ask(self.sums):
-                for numbers in self.watched:
-                    self.look(numbers.tolist(), self.learner.progress[0])
+            for numbers in self._seen:
+                if not math.isfinite(sum(numbers)):
+                    self.look(numbers, self.learner.progress[0])
 
-    def look(self, numbers: Sequence[float], updates: int) -> None:
+    def look(self, numbers: Iterable[float], updates: int) -> None:
         """Note the runs with a number that is not finite; numbers: `watched` after the updates."""
-        if not math.isfinite(sum(numbers)):
-            for place, number in enumerate(numbers):
-                if not math.isfinite(number):
-                    self.odd.setdefault(place % self.runs, updates)
+        for place, number in enumerate(numbers):
+            if not math.isfinite(number):
+                self.odd.setdefault(place % self.runs, updates)
 
     def act(self) -> Tensor:
         """Each agent acts, and explores (l. 199-207): [R, E, N], or [R, E, N, A] numbers."""
