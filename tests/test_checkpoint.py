@@ -213,12 +213,10 @@ def test_the_log_is_on_disk_before_a_checkpoint_counts_on_it(
     monkeypatch.setattr(Checkpoints, "save", note_save)
     train_cohort([planned()], tmp_path)
     found = [name for name in tape if name in (METRICS, "checkpoint")]
-    assert found == [*[METRICS, "checkpoint"] * 3, METRICS]
+    assert found == [*[METRICS, "checkpoint"] * 2, METRICS]  # none at the end: it would go
 
 
-@pytest.mark.parametrize(
-    ("takes", "expected"), [(0.1, [160, 320, 480]), (0.3, [160]), (1.0, [160])]
-)
+@pytest.mark.parametrize(("takes", "expected"), [(0.1, [160, 320]), (0.3, [160]), (1.0, [160])])
 def test_a_slow_checkpoint_puts_the_next_one_off(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, takes: float, expected: list[int]
 ) -> None:

@@ -144,6 +144,8 @@ class _Session:
             if all(run.diverged for run in self.runs):
                 break
             due = self._passes(before, plan.checkpoint_every_env_steps)
+            if training.env_steps >= plan.train_env_steps:
+                break  # a checkpoint would be deleted at once
             if due and time.monotonic() >= self.put_off_until:
                 self._checkpoint()
             if time.monotonic() - looked_up >= _LOOK_UP_EVERY_S:

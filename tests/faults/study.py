@@ -24,6 +24,7 @@ import msgdrop_cli.__main__ as program
 from msgdrop_cli import app
 from msgdrop_cli.engine import run as run_module
 from msgdrop_cli.engine.checkpoint import Checkpoints
+from msgdrop_cli.records.outcome import Outcome
 from msgdrop_cli.records.store import list_runs
 from msgdrop_cli.signals import SIGNALS
 from tests.faults.oracle import KEPT, check_same
@@ -211,7 +212,11 @@ def _become(arguments: Sequence[str], said: Path, before: Callable[[], Any]) -> 
     sys.modules["__main__"] = program
     sys.argv = ["msgdrop", *arguments]
     run_module._PUT_OFF = 0  # a slow disk puts off no checkpoint: the oracle looks at the last
-    remove = Checkpoints.remove
+    remove, finish = Checkpoints.remove, run_module._Session._finish
+
+    def finish_with_a_checkpoint(session: run_module._Session) -> list[Outcome]:
+        session._checkpoint()  # the oracle wants one of the end
+        return finish(session)
 
     def keep_aside(checkpoints: Checkpoints) -> None:
         run = checkpoints._run_path
@@ -223,6 +228,7 @@ def _become(arguments: Sequence[str], said: Path, before: Callable[[], Any]) -> 
         remove(checkpoints)
 
     Checkpoints.remove = keep_aside  # type: ignore[method-assign, assignment]
+    run_module._Session._finish = finish_with_a_checkpoint  # type: ignore[method-assign, assignment]
     before()
     try:
         program.main()
