@@ -48,3 +48,15 @@ def test_a_terminal_is_told_the_channel(
         monkeypatch.setattr(Control, "mark", marked)
         work(task, control)
     assert seen == ["evaluating half broken", "evaluating loss 0.2"]
+
+
+def test_a_damaged_published_policy_is_named_where_it_lies(store: Store, tmp_path: Path) -> None:
+    """It is played in a copy, which is gone when somebody looks for it."""
+    copy = copied_store(store, tmp_path)
+    kept = copy.results / "published" / "x-quick" / "pursuit-n6"
+    kept.parent.mkdir(parents=True)
+    (copy.results / "runs" / "pursuit-n6").rename(kept)
+    policy = next(kept.glob("dcc-s1-*")) / "policy.safetensors"
+    policy.write_bytes(policy.read_bytes()[:100])
+    said = msgdrop("eval", policy.parent, "--channel", "delay:1", "--episodes", "2")
+    assert f"evaluation: {policy}: is damaged" in said.err

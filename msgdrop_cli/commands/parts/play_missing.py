@@ -1,7 +1,7 @@
 """Evaluates trained runs where something is missing; shared by every command that needs numbers."""
 
 import shutil
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack, suppress
 from dataclasses import replace
 from pathlib import Path
@@ -17,6 +17,7 @@ from msgdrop_cli.commands.parts.words import several
 from msgdrop_cli.definition.channel import Channel
 from msgdrop_cli.definition.run_id import spec_from_dict
 from msgdrop_cli.errors import DefinitionError, RecordError
+from msgdrop_cli.records.outcome import Outcome
 from msgdrop_cli.records.packed import packed_name
 from msgdrop_cli.records.store import EPISODES, METRICS, POLICY, RUN, RunRecord, list_runs
 from msgdrop_cli.scheduler import Task, run_tasks
@@ -105,12 +106,26 @@ def evaluated(
     with graceful_stop() as control:
         watched = [_watched(place) for place in places if place.run_id in missing]
         with Watch(watched, control) as watch:
-            outcomes = run_tasks(tasks, control, workers=workers, finished=watch.finished)
+            told = _by_their_names(sound, watch.finished)
+            outcomes = run_tasks(tasks, control, workers=workers, finished=told)
         if control.signal is not None:
             raise Stopped(control.signal)
     bad = {outcome.run_id: outcome.exit_code for outcome in outcomes if outcome.status != "done"}
     found = [list_runs(place.path)[0] for place in places if place.run_id not in bad]
     return Evaluated(found, max(worst, *bad.values(), 0))
+
+
+def _by_their_names(
+    records: Sequence[RunRecord], finished: Callable[[Outcome], None]
+) -> Callable[[Outcome], None]:
+    """The same, that says of a copy the name of the run that it is a copy of."""
+    named = {record.run_id: str(record.path) for record in records}
+
+    def told(outcome: Outcome) -> None:
+        reason = outcome.reason and outcome.reason.replace(str(outcome.path), named[outcome.run_id])
+        finished(replace(outcome, reason=reason))
+
+    return told
 
 
 def only(summary: Summary, channels: Sequence[Channel]) -> Summary:
