@@ -85,11 +85,19 @@ def survey(wanted: Iterable[Wanted], root: Path, *, plays: bool = True) -> Surve
     there. Raises RecordError for a damaged record that would have counted.
     """
     distinct = _once(wanted)
-    return _surveyed(distinct, copies_of(root, distinct.keys()), plays=plays)
+    copies = copies_of(root, distinct.keys())
+    ordered = {
+        run_id: preferred(copies.get(run_id, ()), each.run.definition)
+        for run_id, each in distinct.items()
+    }
+    return _surveyed(distinct, ordered, plays=plays)
 
 
 def survey_among(wanted: Iterable[Wanted], records: Mapping[str, Sequence[RunRecord]]) -> Survey:
-    """The same among records that have been read, by run id; RecordError for damaged episodes."""
+    """The same among records that have been read: of each run its copies as `preferred`.
+
+    Raises RecordError for damaged episodes.
+    """
     return _surveyed(_once(wanted), records, plays=True)
 
 
@@ -106,7 +114,7 @@ def _surveyed(
     records: dict[str, RunRecord] = {}
     to_play, short = set[str](), set[str]()
     for run_id, each in wanted.items():
-        for record in preferred(copies.get(run_id, ()), each.run.definition):
+        for record in copies.get(run_id, ()):
             if record.is_own:
                 records[run_id] = record
                 break
