@@ -19,7 +19,8 @@ from msgdrop_cli.definition.strict import one_line
 from msgdrop_cli.errors import MsgdropError, RecordError
 from msgdrop_cli.records.files import run_lock
 from msgdrop_cli.records.outcome import Outcome
-from msgdrop_cli.records.store import RUNS, RunRecord, Status, find_run, run_path, set_status
+from msgdrop_cli.records.run_file import Status
+from msgdrop_cli.records.store import RUNS, RunRecord, find_run, run_path, set_status
 from msgdrop_cli.signals import SIGNALS, held_back
 from msgdrop_cli.stopping import NOTHING, WRITING, Control, Unanswered
 

@@ -11,11 +11,11 @@ from msgdrop_cli.engine.facts import kernel_name
 from msgdrop_cli.errors import RunError
 from msgdrop_cli.records.files import Epoch, count_jsonl, run_lock
 from msgdrop_cli.records.ours import refuse_links
+from msgdrop_cli.records.run_file import Status
 from msgdrop_cli.records.store import (
     METRICS,
     RUNS,
     RunRecord,
-    Status,
     create_run,
     find_run,
     run_path,

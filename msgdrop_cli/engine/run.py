@@ -32,11 +32,11 @@ from msgdrop_cli.records.files import (
     write_json_atomic,
 )
 from msgdrop_cli.records.outcome import Outcome
+from msgdrop_cli.records.run_file import Status
 from msgdrop_cli.records.store import (
     METRICS,
     POLICY,
     PROGRESS,
-    Status,
     find_run,
 )
 

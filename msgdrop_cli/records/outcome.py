@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from pathlib import Path
 
-from msgdrop_cli.records.store import Status
+from msgdrop_cli.records.run_file import Status
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -5,19 +5,19 @@ What a run is stands in its `run.json`, never in a file name; `folders` finds wh
 
 import os
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any, Literal, NamedTuple, get_args
+from typing import Any, NamedTuple, get_args
 
 from msgdrop_cli.definition.channel import Channel
 from msgdrop_cli.definition.run_id import spec_to_dict
-from msgdrop_cli.definition.spec import NAME, PlannedRun
+from msgdrop_cli.definition.spec import PlannedRun
 from msgdrop_cli.definition.strict import Where, build, one_line
-from msgdrop_cli.errors import DefinitionError, RecordError
+from msgdrop_cli.errors import RecordError
 from msgdrop_cli.records.derived import Derived
 from msgdrop_cli.records.episodes import by_channel
-from msgdrop_cli.records.files import CANNOT_CREATE, read_json, write_json_atomic
+from msgdrop_cli.records.files import CANNOT_CREATE, write_json_atomic
 from msgdrop_cli.records.folders import EPISODES as EPISODES
 from msgdrop_cli.records.folders import METRICS as METRICS
 from msgdrop_cli.records.folders import POLICY as POLICY
@@ -26,48 +26,18 @@ from msgdrop_cli.records.folders import RUN as RUN
 from msgdrop_cli.records.folders import run_folders
 from msgdrop_cli.records.own_sums import write_record
 from msgdrop_cli.records.packed import log_file, read_log
-from msgdrop_cli.records.parsing import RECORD
 from msgdrop_cli.records.pretraining import Pretraining
+from msgdrop_cli.records.run_file import SCHEMA, Status, read_run
 from msgdrop_cli.records.setup import Setup, read_setup
 
-SCHEMA = 1
 RUNS = "runs"
 """The folder of our own runs in a results folder; the published ones lie elsewhere."""
-Status = Literal["planned", "running", "done", "failed", "diverged", "interrupted"]
 FACTS = (
     *("env_steps", "wall_time_s", "cpu_time_s", "created", "versions", "commit"),
     *("host", "device", "threads", "kernel", "metrics", "pretraining", "node"),
 )
 """What the engine knows about a run beside its plan."""
 _LONGEST_REASON = 500
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Run:
-    """The part of `run.json` that the program relies on; more may stand there."""
-
-    run_id: str
-    variant: str
-    label: str
-    definition: str
-    profile: str
-    status: Status
-    reason: str | None = None
-    overrides: tuple[str, ...] = ()
-    registration: str | None = None
-    environment: str
-    seed: int
-    spec: Mapping[str, Any]
-    env_steps: int
-    wall_time_s: float
-    pretraining: Pretraining | None = None
-
-    def __post_init__(self) -> None:
-        for key in ("run_id", "variant", "definition", "profile", "environment"):
-            if not NAME.fullmatch(getattr(self, key)):
-                raise ValueError(f"{key} is not a name")
-        if self.env_steps < 0 or self.wall_time_s < 0:
-            raise ValueError("env_steps and wall_time_s cannot be negative")
 
 
 @dataclass(frozen=True, slots=True)
@@ -286,19 +256,7 @@ def set_status(path: Path, status: Status, reason: str | None = None, **facts: A
 
 
 def _record(path: Path) -> RunRecord:
-    file = path / RUN
-    run = read_json(file, RECORD)
-    if not isinstance(run, dict):
-        raise RecordError(one_line(f"{file}: is damaged: expected an object"))
-    if run.get("schema") != SCHEMA:
-        problem = f"schema {str(run.get('schema'))[:20]} is unknown, expected {SCHEMA}"
-        raise RecordError(one_line(f"{file}: {problem}; a newer msgdrop may read it"))
-    known = {field.name for field in fields(_Run)}
-    try:
-        build(_Run, {key: run[key] for key in run if key in known}, Where(str(file)))
-    except DefinitionError as error:
-        raise RecordError(str(error)) from error
-    return RunRecord(path, run)
+    return RunRecord(path, read_run(path / RUN))
 
 
 def _checked_facts(facts: Mapping[str, Any]) -> Mapping[str, Any]:
