@@ -231,6 +231,7 @@ def test_a_slow_checkpoint_puts_the_next_one_off(
         now[0] += takes
 
     monkeypatch.setattr(Checkpoints, "save", slow)
-    monkeypatch.setattr("msgdrop_cli.engine.run.time", SimpleNamespace(monotonic=lambda: now[0]))
+    clocks = SimpleNamespace(monotonic=lambda: now[0], process_time=lambda: now[0])
+    monkeypatch.setattr("msgdrop_cli.engine.run.time", clocks)
     train_cohort([planned()], tmp_path)
     assert saved == expected

@@ -47,7 +47,7 @@ def test_ablate_ends_in_a_table_a_verdict_and_a_figure(store: Store) -> None:
 def test_plan_comes_before_training(store: Store) -> None:
     """Title, question, runs and env steps are said on stderr before the first run begins."""
     # A run may be done before anybody has looked whether it has begun.
-    plan, *later = re.split(r"^(?:training|done) +DCC", store.said.err, flags=re.MULTILINE)
+    plan, *later = re.split(r"^(?:training|done) +pursuit-n6", store.said.err, flags=re.MULTILINE)
     assert later
     assert "A tiny question" in plan
     assert "4 runs: 4 new" in plan

@@ -68,7 +68,7 @@ def test_a_tilde_is_the_home(
     assert ids("ablate", "~/tiny.toml") == ids("ablate", question)
     for arguments in (
         ("status", "~/results"),
-        ("publish", "~/tiny.toml", "--results=~/results"),
+        ("publish", "~/tiny.toml", "--results=~/results", "--to=~/published"),
         ("import", "~/results"),
     ):
         said = msgdrop(*arguments)

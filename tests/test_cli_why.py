@@ -96,7 +96,7 @@ def _with_gamma(record: RunRecord) -> dict[str, Any]:
     ("changed", "says"),
     [
         (_with_gamma, "settings have changed: algorithm.gamma 0.5 -> 0.99"),
-        (lambda _: {"profile": "billion"}, "no profile is called 'billion'"),
+        (lambda _: {"profile": "billion"}, "no profile of broken-links.toml is called 'billion'"),
         (lambda _: {"variant": "md-7"}, "no such variant or game any more"),
         (lambda _: {"registration": "broken-links:00000000"}, "another registration"),
     ],

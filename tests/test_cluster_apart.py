@@ -64,7 +64,14 @@ def test_runs_that_travel_are_the_same(there: Cluster, tmp_path: Path) -> None:
     assert digests(root) == digests(undisturbed)
     assert {run.run["node"] for run in list_runs(root)} == {os.uname().nodename}
     names = {path.name for path in root.rglob("*") if path.is_file()}
-    kept = {"run.json", "metrics.jsonl", "episodes.jsonl", "policy.safetensors", "lock"}
+    kept = {
+        "metrics.jsonl",
+        "episodes.jsonl",
+        "policy.safetensors",
+        "lock",
+        "run.json",
+        "run.sha256",
+    }
     assert names == kept  # no checkpoint and no progress is left
 
 
