@@ -193,3 +193,12 @@ def test_a_band_is_the_interval_of_every_point() -> None:
     for here, there in zip(drawn, exact, strict=True):
         assert isinstance(there, Interval)
         assert here == pytest.approx(there, abs=0.1)
+
+
+def test_intervals_of_many_seeds_share_what_is_drawn(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Drawing subsets of hundreds of seeds takes longer than all else: it is done once."""
+    (values,) = draws(1, ENUMERATED + 5)
+    first = flip_interval(values, 0.05)
+    monkeypatch.setattr("numpy.random.default_rng", None)
+    assert flip_interval([2.0 * value for value in values], 0.05) != first
+    assert flip_interval(values, 0.05) == first

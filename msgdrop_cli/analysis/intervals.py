@@ -6,6 +6,7 @@ interval, and whoever shows it says so. Nothing is resampled.
 
 import math
 from collections.abc import Sequence
+from functools import lru_cache
 from typing import Any
 
 from msgdrop_cli.analysis.sign_flips import DRAWN_WITH, ENUMERATED, SAMPLE, TOLERANCE
@@ -79,7 +80,19 @@ def _subset_means(table: Any) -> Any:
             sums = np.concatenate([sums, sums + row])
             counts = np.concatenate([counts, counts + 1.0])
         return sums[1:] / counts[1:, None]
-    drawn = SAMPLE if points == 1 else _MOST_OF_CURVES
-    chosen = np.random.default_rng(DRAWN_WITH).integers(0, 2, (drawn - 1, seeds))
+    chosen, counts = _drawn(seeds, SAMPLE if points == 1 else _MOST_OF_CURVES)
+    return products(chosen, table) / counts
+
+
+@lru_cache(maxsize=2)  # hundreds of seeds take longer to draw than to add up
+def _drawn(seeds: int, subsets: int) -> tuple[Any, Any]:
+    """Which seeds are in each drawn subset [subsets - 1, seeds], and how many [subsets - 1, 1].
+
+    A byte each; those of a seed lie side by side in the memory, as `products` reads them.
+    """
+    import numpy as np
+
+    chosen = np.random.default_rng(DRAWN_WITH).integers(0, 2, (subsets - 1, seeds))
     chosen[~chosen.any(axis=1)] = 1  # hardly ever: the whole set instead of the empty one
-    return products(chosen, table) / np.count_nonzero(chosen, axis=1, keepdims=True)
+    counts = np.count_nonzero(chosen, axis=1, keepdims=True)
+    return np.asfortranarray(chosen, dtype=np.int8), counts
