@@ -235,3 +235,24 @@ def test_a_slow_checkpoint_puts_the_next_one_off(
     monkeypatch.setattr("msgdrop_cli.engine.run.time", clocks)
     train_cohort([planned()], tmp_path)
     assert saved == expected
+
+
+def test_a_minute_is_the_most_that_a_kill_costs(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A short or slow run, which its interval in env steps never reaches, has checkpoints, too."""
+    saved: list[int] = []
+    save = Checkpoints.save
+
+    def note(checkpoints: Checkpoints, training: Training, run: int, **counters: Any) -> None:
+        saved.append(training.env_steps)
+        save(checkpoints, training, run, **counters)
+
+    ticks = iter(range(0, 100_000, 40))  # seconds, at every look at the clock
+    clocks = SimpleNamespace(monotonic=lambda: float(next(ticks)), process_time=lambda: 0.0)
+    monkeypatch.setattr(Checkpoints, "save", note)
+    monkeypatch.setattr("msgdrop_cli.engine.run.time", clocks)
+    [outcome] = train_cohort([planned(checkpoint_every_env_steps=10**9)], tmp_path)
+    assert outcome.status == "done"
+    assert saved
+    assert saved[-1] < planned().spec.training.train_env_steps

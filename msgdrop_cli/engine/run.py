@@ -42,6 +42,9 @@ from msgdrop_cli.records.store import (
 
 NOT_EXACT = "not bit-exact: it was resumed, and its game does not repeat itself from its seed"
 _LOOK_UP_EVERY_S = 0.5
+_AT_LEAST_EVERY_S = 60.0
+"""On a CPU, so that a kill costs a minute, whatever the interval in env steps; on a GPU a cohort's
+replay memory is gigabytes."""
 _QUICK_S, _PUT_OFF = 0.15, 50
 """A checkpoint that takes longer is 2% of the time until the next one, at most; a quicker one is no
 more than that of the shortest default interval, 7 s (benchmarks/NOTES.md)."""
@@ -110,6 +113,7 @@ class _Session:
         """training: begun; known: facts for the records beside the usual ones."""
         self.runs = runs
         self.plan = runs[0].planned.spec.training
+        self.on_cpu = device == "cpu"
         self.training = training
         self.kernel = kernel_name(runs[0].planned.spec, device)
         self.chunks = Chunks(self.training, recorder(device))
@@ -124,7 +128,7 @@ class _Session:
             run.checkpoint = None  # its replay memory has been copied
             run.write_down("running", **known)
             cut_jsonl(run.path / METRICS, run.rows)
-        self.clock = self.put_off_until = time.monotonic()
+        self.clock = self.kept_at = self.put_off_until = time.monotonic()
         self.cpu_clock = time.process_time()
         self.steps_at_start = self.training.env_steps
         self.headline: list[float | None] = [None] * len(runs)
@@ -143,17 +147,18 @@ class _Session:
                 self._log()
             if all(run.diverged for run in self.runs):
                 break
-            due = self._passes(before, plan.checkpoint_every_env_steps)
             if training.env_steps >= plan.train_env_steps:
                 break  # a checkpoint would be deleted at once
-            if due and time.monotonic() >= self.put_off_until:
-                self._checkpoint()
+            if self._passes(before, plan.checkpoint_every_env_steps):
+                self._checkpoint_unless_put_off()
             if time.monotonic() - looked_up >= _LOOK_UP_EVERY_S:
                 looked_up = time.monotonic()
                 self._show_progress()
                 if stop():
                     self._checkpoint()
                     return self._close("interrupted")
+                if self.on_cpu and looked_up >= self.kept_at + _AT_LEAST_EVERY_S:
+                    self._checkpoint_unless_put_off()
         return self._finish()
 
     def _steps_to_write(self) -> int:
@@ -192,6 +197,10 @@ class _Session:
         at = f"{self.training.env_steps} env steps, after {updates} updates"
         self.runs[number].diverged = f"{what} is not finite at {at}"
 
+    def _checkpoint_unless_put_off(self) -> None:
+        if time.monotonic() >= self.put_off_until:
+            self._checkpoint()
+
     def _checkpoint(self) -> None:
         began = time.monotonic()
         for number, run in self._sound():
@@ -206,9 +215,9 @@ class _Session:
                 kernel=self.kernel,
             )
             run.write_down("running", **self._progress_facts(run))
-        now = time.monotonic()
-        took = now - began
-        self.put_off_until = now + (_PUT_OFF * took if took > _QUICK_S else 0.0)
+        self.kept_at = time.monotonic()
+        took = self.kept_at - began
+        self.put_off_until = self.kept_at + (_PUT_OFF * took if took > _QUICK_S else 0.0)
 
     def _finish(self) -> list[Outcome]:
         if self.logged_at < self.training.env_steps:

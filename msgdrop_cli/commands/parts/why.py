@@ -24,6 +24,7 @@ from msgdrop_cli.errors import DefinitionError
 from msgdrop_cli.records.counted import preferred
 from msgdrop_cli.records.files import LOCK
 from msgdrop_cli.records.holders import is_held, locked_files
+from msgdrop_cli.records.ours import CHECKPOINTS
 from msgdrop_cli.records.store import RunRecord
 
 _CURRENT = ""
@@ -123,9 +124,9 @@ def _why(record: RunRecord, asked: "_Asked") -> tuple[str, str]:
         case "planned":
             return "planned", "not begun"
         case "running":
-            return "killed", "nobody works at it; it goes on from its checkpoint"
+            return "killed", f"nobody works at it; {_goes_on(record)}"
         case "interrupted":
-            return "interrupted", "stopped on the way; it goes on from its checkpoint"
+            return "interrupted", f"stopped on the way; {_goes_on(record)}"
         case "failed":
             return "failed", f"{record.reason or 'no reason is recorded'}; tried again when asked"
         case "diverged":
@@ -135,6 +136,12 @@ def _why(record: RunRecord, asked: "_Asked") -> tuple[str, str]:
     except DefinitionError as error:
         return "stale", f"cannot be asked so any more: {error}"
     return _compared(record, today) if today else (_CURRENT, "")
+
+
+def _goes_on(record: RunRecord) -> str:
+    if any((record.path / CHECKPOINTS).glob("*")):
+        return "it goes on from its checkpoint"
+    return "it has no checkpoint yet and begins anew"
 
 
 def _compared(record: RunRecord, today: Plan) -> tuple[str, str]:

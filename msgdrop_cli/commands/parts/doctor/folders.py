@@ -84,7 +84,10 @@ def _at_work(results: Path) -> Found:
     busy = [record for record in running if is_held(record.path / LOCK, held)]
     if killed := len(running) - len(busy):
         words = f"{several(killed, 'run')} at which nobody works: it was killed"
-        return note(words, "the command that began it goes on from its checkpoint")
+        return note(
+            words,
+            "the command that began it goes on from its checkpoint, or anew if it has none yet",
+        )
     if busy:
         return note(f"{several(len(busy), 'run')} at work", "wait, or train other runs meanwhile")
     return fine("nobody")
