@@ -42,7 +42,7 @@ class Control:
 
     It is a file: a byte that says stop, then lines of `run_id phase`. For workers of this machine
     it is one in memory: it has no name and lives as long as its owner; they find it below /proc. So
-    nothing can clean it away, fill it up, or leave it behind. (`cluster.py` has another.)
+    nothing can clean it away, fill it up, or leave it behind. (`cluster/control.py` has another.)
     """
 
     path: Path

@@ -74,6 +74,14 @@ class Machines:
         where = f"tcp://{self.address(scheduler)}:{PORT}"
         return self.begin(name, "-m", "distributed.cli.dask_worker", where, *options)
 
+    def cut(self, name: str) -> None:
+        """From now on nothing comes from it nor reaches it; its own end of the wire looks well."""
+        self._ip(*self._in("hub"), "link", "set", name, "nomaster")
+
+    def mend(self, name: str) -> None:
+        """Its wire is whole again."""
+        self._ip(*self._in("hub"), "link", "set", name, "master", "bridge")
+
     def _in(self, name: str) -> tuple[str, ...]:
         return ("-n", self.prefix + name)
 

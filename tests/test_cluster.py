@@ -12,6 +12,7 @@ import pytest
 
 from msgdrop_cli.cluster import connection, shared, workers
 from msgdrop_cli.cluster.control import SharedControl, shared_control
+from msgdrop_cli.cluster.tasks import GONE
 from msgdrop_cli.cluster.workers import Workers, check_workers
 from msgdrop_cli.engine import facts
 from msgdrop_cli.errors import DefinitionError, RunError
@@ -73,6 +74,7 @@ def undisturbed(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
     return {run.run_id: digest(run.path) for run in list_runs(root)}
 
 
+@pytest.mark.slow
 def test_a_cluster_gives_the_same(
     three_workers: Cluster, undisturbed: dict[str, str], tmp_path: Path
 ) -> None:
@@ -87,6 +89,7 @@ def test_a_cluster_gives_the_same(
     assert sorted(entry.name for entry in root.iterdir()) == ["runs"]  # no control is left
 
 
+@pytest.mark.slow
 def test_the_run_of_a_killed_worker_goes_on_elsewhere(
     three_workers: Cluster, undisturbed: dict[str, str], tmp_path: Path
 ) -> None:
@@ -99,6 +102,7 @@ def test_the_run_of_a_killed_worker_goes_on_elsewhere(
     assert {run.run_id: digest(run.path) for run in list_runs(root)} == undisturbed
 
 
+@pytest.mark.slow
 def test_a_lost_scheduler_is_an_error_and_no_wait(three_workers: Cluster, tmp_path: Path) -> None:
     """What did not arrive has failed, and says why; it goes on when it is asked for again."""
     root = tmp_path / "results"
@@ -106,7 +110,7 @@ def test_a_lost_scheduler_is_an_error_and_no_wait(three_workers: Cluster, tmp_pa
     with killed_at_work(root, three_workers.scheduler):
         outcomes = do(three_workers, root, steps=4_000_000)
     assert {each.status for each in outcomes} == {"failed"}
-    assert {each.reason for each in outcomes} == {"cluster: the scheduler has gone"}
+    assert {each.reason for each in outcomes} == {GONE}
 
 
 def test_workers_hear_the_stop_and_the_silence(tmp_path: Path) -> None:

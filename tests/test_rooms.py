@@ -33,6 +33,7 @@ EXTRAS = {
     "connection.py": {"distributed"},
     "workers.py": {"distributed"},
     "shared.py": {"distributed"},
+    "tasks.py": {"distributed"},
     "apart.py": {"distributed"},
     "guests.py": {"distributed"},
     "frames.py": {"pandas"},

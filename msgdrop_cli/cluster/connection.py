@@ -3,7 +3,8 @@
 import asyncio
 import logging
 import warnings
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import Future
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -16,12 +17,16 @@ from msgdrop_cli.signals import held_back
 if TYPE_CHECKING:
     from distributed import Client
 
+Answer = Future[Any]
+"""What the cluster will say, once it does."""
 _LOCAL, _DASK, _TLS = "local:", "dask://", "tls://"
 _EXPECTED = "expected dask://HOST:PORT, tls://HOST:PORT or local:4 for workers of this machine"
 _TLS_FILES = ("tls_ca_file", "tls_client_cert", "tls_client_key")
 _MOST_LOCAL = 256
 PATIENCE_S = 30.0
-"""For a scheduler to answer and the first workers to come."""
+"""For a scheduler to answer, and for a cluster without workers until some come."""
+_START_S, _MORE_S = 60.0, 2.0
+"""For the first worker of this machine to begin, and more for each: loading takes a processor."""
 _QUIET = 60
 """Dask's loggers say nothing below this: what matters we say ourselves, in a line."""
 
@@ -65,9 +70,20 @@ def connected(where: str, tls: Sequence[Path] = ()) -> Iterator["Client"]:
         yield client
 
 
+def asked(client: "Client", method: Callable[..., Any], *words: Any, **options: Any) -> Answer:
+    """Have Dask's own thread call a method of its client, and wait there for who is silent."""
+
+    async def ask() -> Any:
+        return await method(*words, **options)  # in that thread it returns what to await
+
+    loop = client.loop.asyncio_loop  # type: ignore[union-attr]
+    return asyncio.run_coroutine_threadsafe(ask(), loop)
+
+
 @contextmanager
 def _of_this_machine(where: str) -> Iterator["Client"]:
     """Workers that begin and end here."""
+    import multiprocessing
     from multiprocessing import resource_tracker
 
     from distributed import Client, LocalCluster
@@ -75,10 +91,23 @@ def _of_this_machine(where: str) -> Iterator["Client"]:
     count = int(where.removeprefix(_LOCAL))
     with held_back():
         resource_tracker.ensure_running()  # it lets signals through afterwards
-    with held_back():  # its processes inherit that, and leave Ctrl-C to us
-        made = LocalCluster(
-            n_workers=count, threads_per_worker=1, dashboard_address=None, silence_logs=_QUIET
-        )
+    patience_s = _START_S + _MORE_S * count
+    try:
+        with held_back():  # its processes inherit that, and leave Ctrl-C to us
+            made = LocalCluster(
+                n_workers=count,
+                threads_per_worker=1,
+                dashboard_address=None,
+                silence_logs=_QUIET,
+                death_timeout=patience_s,
+            )
+    except Exception as error:  # of many kinds, AssertionError too
+        for process in multiprocessing.active_children():
+            process.kill()  # Dask leaves one that was stopped
+        raise RunError(
+            f"{where}: a worker died before it was ready, or was not within {patience_s:.0f} s"
+            " (no memory, or a busy machine?); ask again, perhaps with fewer, or for --workers"
+        ) from error
     with made, Client(made) as client:
         yield client
 

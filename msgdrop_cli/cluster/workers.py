@@ -2,14 +2,16 @@
 
 import platform
 import secrets
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
+from concurrent.futures import wait
 from contextlib import suppress
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from msgdrop_cli import __version__
-from msgdrop_cli.cluster.connection import PATIENCE_S
+from msgdrop_cli.cluster.connection import PATIENCE_S, asked
 from msgdrop_cli.errors import RunError
 
 if TYPE_CHECKING:
@@ -41,7 +43,7 @@ def check_workers(client: "Client", root: Path) -> Workers:
     probe = root / f".cluster-{secrets.token_hex(4)}"
     probe.touch()
     try:
-        found = client.run(about, probe, on_error="return")
+        found = _answers(client, threads, probe)
     finally:
         probe.unlink(missing_ok=True)
     here = about(probe)
@@ -58,6 +60,18 @@ def check_workers(client: "Client", root: Path) -> Workers:
     if not share:
         words += "; they do not see the results folder: runs come back through the cluster"
     return Workers(words, share, _differences(found, here))
+
+
+def _answers(client: "Client", workers: Iterable[str], probe: Path) -> dict[str, Any]:
+    """By worker, what it says of itself; RunError for one that is silent."""
+    run = partial(client.run, about, probe, on_error="return")
+    answers = {address: asked(client, run, workers=[address]) for address in workers}
+    wait(answers.values(), 2 * PATIENCE_S)  # who is cut off is given up by Dask meanwhile
+    there = client.nthreads()
+    for address in there:
+        if address in answers and not answers[address].done():
+            raise RunError(f"worker {address}: does not answer (stopped, or cut off?); end it")
+    return {k: answer.result()[k] for k, answer in answers.items() if k in there}
 
 
 def about(probe: Path) -> dict[str, Any]:
