@@ -2,22 +2,25 @@
 
 import json
 import os
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+import msgdrop_cli
 from msgdrop_cli.analysis import curves
 from msgdrop_cli.analysis.curves import learning_curve, learning_mean
 from msgdrop_cli.analysis.summary import summarise
+from msgdrop_cli.commands.parts.answers import readable_runs
+from msgdrop_cli.commands.parts.listing import runs_in
 from msgdrop_cli.commands.parts.verified import verified
 from msgdrop_cli.records import derived
 from msgdrop_cli.records.derived import DERIVED
 from msgdrop_cli.records.files import read_bytes
 from msgdrop_cli.records.packed import read_log
 from msgdrop_cli.records.remembering import remembering
-from msgdrop_cli.records.store import EPISODES, METRICS, RunRecord, list_runs
+from msgdrop_cli.records.store import EPISODES, METRICS, RUNS, RunRecord, list_runs
 from tests.fake_runs import write_run
 
 METRIC = "catches_per_500"
@@ -165,6 +168,30 @@ def test_estimates_are_made_when_they_are_asked_for(
     assert row.mean == 4.5
     with pytest.raises(AssertionError):
         _ = row.interval
+
+
+@pytest.mark.parametrize(
+    "read",
+    [
+        lambda place: summarise(runs_in(place)),
+        lambda place: summarise(readable_runs(place)[0]),
+        msgdrop_cli.results,
+    ],
+    ids=["listing", "page", "frames"],
+)
+def test_numbers_are_kept_in_the_results_folder(home: Path, read: Callable[[Path], Any]) -> None:
+    """Whichever part of it was named: no run gets a file that is none of its own."""
+    run = list_runs(home)[0].path
+    for place in (run, run.parent, home / RUNS):
+        read(place)
+    assert [*home.rglob(DERIVED)] == [home / DERIVED]
+
+
+def test_nothing_is_kept_in_a_run(home: Path) -> None:
+    """That lies in no results folder."""
+    alone = list_runs(home)[0].path.rename(home / "alone")
+    summarise(runs_in(alone))
+    assert not [*home.rglob(DERIVED)]
 
 
 def test_json_names_the_logs_that_it_was_made_of(home: Path) -> None:

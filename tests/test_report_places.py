@@ -8,7 +8,7 @@ import pytest
 from msgdrop_cli.errors import RecordError
 from msgdrop_cli.records.references import game_key, keep_references
 from msgdrop_cli.report.study import publish
-from msgdrop_cli.report.write import Folder, figures_folder, write_atomic
+from msgdrop_cli.report.write import Folder, figures_folder, home_of, write_atomic
 from tests.cli_runs import msgdrop
 from tests.fake_runs import write_run
 
@@ -61,6 +61,21 @@ def test_relative_paths_stay_relative(tmp_path: Path, monkeypatch: pytest.Monkey
     """What is printed is as short as what was typed."""
     monkeypatch.chdir(published(tmp_path))
     assert figures_folder(Path()) == (Path("../.."), PurePath("figures/broken-links-quick"))
+
+
+def test_a_results_folder_is_found_from_inside(tmp_path: Path) -> None:
+    """From all own runs, from a game's and from one; and from what is published."""
+    run = write_run(tmp_path, "dcc", 1).path
+    study = published(tmp_path)
+    for place in (tmp_path, run, run.parent, run.parent.parent, study, study.parent):
+        assert home_of(place) == tmp_path
+
+
+def test_a_results_folder_may_lie_in_a_folder_called_runs(tmp_path: Path) -> None:
+    """As `--results runs/first` says; what that lies in is not ours to write to."""
+    results = tmp_path / "runs" / "first"
+    write_run(results, "dcc", 1)
+    assert home_of(results) == results
 
 
 def test_plotting_what_is_published_changes_nothing_of_it(tmp_path: Path) -> None:

@@ -68,9 +68,9 @@ def reproduce(
 def _train(results: Path, budget: str | None, workers: int, device: str) -> int:
     began = time.monotonic()
     from msgdrop_cli.commands.parts.estimate import check_folder
-    from msgdrop_cli.commands.parts.find_references import home_of
     from msgdrop_cli.commands.parts.paper_page import train
     from msgdrop_cli.commands.parts.train_missing import Means, seconds
+    from msgdrop_cli.report.write import home_of
 
     budget_s = None if budget is None else seconds(budget)
     options.check_device(device)
@@ -89,13 +89,13 @@ def _written(results: Path, workers: int, device: str, *, may_be_empty: bool) ->
     from msgdrop_cli.commands.parts.paper_page import paper_page
     from msgdrop_cli.report.page.html import html
     from msgdrop_cli.report.page.markdown import markdown
-    from msgdrop_cli.report.write import pages_folder, write_atomic
+    from msgdrop_cli.report.write import Folder, home_of, write_atomic
 
     page = paper_page(results, workers=workers, device=device)
     if not page.makers and not may_be_empty:
         raise DefinitionError(f"{results}: no finished run is there, so there is no page to write")
     text = json_text.dumps(page.document(), indent=1, allow_nan=False) + "\n"
-    folder = pages_folder(results)
+    folder = Folder(home_of(results))
     contents = {"html": html(page), "md": markdown(page), "json": text.encode()}
     paths = [write_atomic(folder, f"{_NAME}.{kind}", made) for kind, made in contents.items()]
     return _Written(page, paths)

@@ -9,6 +9,12 @@ from msgdrop_cli.records.store import EPISODES, METRICS, RunRecord
 
 
 def remembering(records: Iterable[RunRecord], home: Path) -> list[RunRecord]:
-    """The same runs; what is computed of them is kept in the results folder `home`."""
+    """The same runs; what is computed of them is kept in the results folder `home`.
+
+    Nothing is kept of a run that lies in none: `home` is its own folder then.
+    """
     logs = (METRICS, EPISODES)
-    return [replace(record, derived=Derived(home, record.path, logs)) for record in records]
+    return [
+        record if record.path == home else replace(record, derived=Derived(home, record.path, logs))
+        for record in records
+    ]

@@ -10,7 +10,7 @@ from typing import Any
 from msgdrop_cli.records.remembering import remembering
 from msgdrop_cli.records.store import list_runs
 from msgdrop_cli.report.tidy import Columns, curves_table, results_table
-from msgdrop_cli.report.write import pages_folder
+from msgdrop_cli.report.write import home_of
 
 
 def results(folder: str | PathLike[str] = "results") -> Any:
@@ -22,8 +22,8 @@ def results(folder: str | PathLike[str] = "results") -> Any:
     all of these episodes. A pandas.DataFrame if pandas is installed, else a dict of lists. Raises
     RecordError: no such folder, no run in it, or a damaged record.
     """
-    home = pages_folder(Path(folder)).root
-    return _framed(results_table(remembering(list_runs(Path(folder)), home)))
+    records = remembering(list_runs(Path(folder)), home_of(Path(folder)))
+    return _framed(results_table(records))
 
 
 def curves(folder: str | PathLike[str] = "results") -> Any:

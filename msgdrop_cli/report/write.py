@@ -8,12 +8,14 @@ from typing import NamedTuple
 
 from msgdrop_cli.definition.strict import one_line
 from msgdrop_cli.errors import RecordError
+from msgdrop_cli.records.counted import PUBLISHED
 from msgdrop_cli.records.files import (
     CANNOT_CREATE,
     CANNOT_WRITE,
     TEMPORARY,
     write_bytes_atomic,
 )
+from msgdrop_cli.records.store import RUNS
 
 FIGURES = "figures"
 """The folder of the figures in a results folder, and in what is published."""
@@ -21,9 +23,10 @@ EXPORTS = "exports"
 """The folder of what other programs read, in a results folder."""
 TABLES = "TABLES.md"
 """The page of tables that lies beside every published question's runs."""
-_PUBLISHED = "published"
 _DEPTH = 3
 """A published run is `published/<question>-<profile>/<environment>/<run>`."""
+_RUN_DEPTH = 2
+"""A run is `runs/<environment>/<run>`."""
 
 
 class Folder(NamedTuple):
@@ -101,22 +104,34 @@ def figures_folder(results: Path, *names: str) -> Folder:
 def _beside_records(results: Path, kind: str, *names: str) -> Folder:
     if published := _published_above(results):
         inside = results.resolve().relative_to(published)
-        return Folder(pages_folder(results).root, PurePath(kind, inside, *names))
+        return Folder(home_of(results), PurePath(kind, inside, *names))
     return Folder(results, PurePath(kind, *names))
 
 
-def pages_folder(results: Path) -> Folder:
-    """Where a page about the records in or below `results` goes: there, or beside `published`."""
-    if published := _published_above(results):
-        above = published.parent
-        return Folder(above if results.is_absolute() else Path(os.path.relpath(above)))
-    return Folder(results)
+def home_of(results: Path) -> Path:
+    """The results folder that `results` is or lies in; `results` itself if it is in none.
+
+    What belongs to no run goes there: pages, reference policies, kept numbers, runs to come.
+    """
+    inside = _published_above(results) or _runs_above(results)
+    if inside is None:
+        return results
+    return inside.parent if results.is_absolute() else Path(os.path.relpath(inside.parent))
 
 
 def _published_above(results: Path) -> Path | None:
     """The folder of what is published that `results` is, or is a part of."""
     place = results.resolve()
     for folder in (place, *place.parents[:_DEPTH]):
-        if folder.name == _PUBLISHED and any(folder.glob(f"*/{TABLES}")):
+        if folder.name == PUBLISHED and any(folder.glob(f"*/{TABLES}")):
             return folder
     return None
+
+
+def _runs_above(results: Path) -> Path | None:
+    """The folder of own runs that `results` is, or is a part of."""
+    place = results.resolve()
+    if (place / RUNS).is_dir():  # a results folder, whatever that lies in is called
+        return None
+    above = (folder for folder in (place, *place.parents[:_RUN_DEPTH]) if folder.name == RUNS)
+    return next(above, None)

@@ -26,7 +26,7 @@ from msgdrop_cli.records.counted import preferred
 from msgdrop_cli.records.folders import run_folders
 from msgdrop_cli.records.remembering import remembering
 from msgdrop_cli.records.store import RunRecord, list_runs
-from msgdrop_cli.report.write import pages_folder
+from msgdrop_cli.report.write import home_of
 
 
 class Scale(NamedTuple):
@@ -75,7 +75,7 @@ def readable_runs(root: Path) -> tuple[list[RunRecord], list[Unreadable]]:
             records += list_runs(folder)
         except RecordError as error:
             unreadable.append(Unreadable(folder, str(error)))
-    return remembering(records, pages_folder(root).root), unreadable
+    return remembering(records, home_of(root)), unreadable
 
 
 def find_answers(root: Path, definitions: Sequence[Definition], catalogue: Catalogue) -> Answers:

@@ -13,11 +13,8 @@ from msgdrop_cli.records.references import (
     keep_references,
     read_references,
 )
-from msgdrop_cli.records.store import RUN, RUNS, RunRecord
-from msgdrop_cli.report.write import pages_folder
-
-_RUN_DEPTH = 2
-"""A run is `runs/<environment>/<run>`."""
+from msgdrop_cli.records.store import RUN, RunRecord
+from msgdrop_cli.report.write import home_of
 
 
 def references_of(
@@ -42,15 +39,6 @@ def references_of(
         if references is not None:
             found[key] = references
     return found
-
-
-def home_of(root: Path) -> Path:
-    """The results folder that `root` is or lies in; `root` if it is in none."""
-    if (above := pages_folder(root).root) != root:  # it is published
-        return above
-    place = root.resolve()
-    runs = [folder for folder in (place, *place.parents[:_RUN_DEPTH]) if folder.name == RUNS]
-    return runs[0].parent if runs else root
 
 
 def _kept(root: Path, key: str) -> References | None:

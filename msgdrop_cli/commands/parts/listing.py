@@ -5,7 +5,7 @@ from pathlib import Path
 from msgdrop_cli.commands.parts import console
 from msgdrop_cli.records.remembering import remembering
 from msgdrop_cli.records.store import RunRecord, look_through
-from msgdrop_cli.report.write import pages_folder
+from msgdrop_cli.report.write import home_of
 
 
 def runs_in(root: Path) -> list[RunRecord]:
@@ -16,4 +16,4 @@ def runs_in(root: Path) -> list[RunRecord]:
     listing = look_through(root)
     if listing.passed_over:
         console.note(f"{root}: {listing.passed_over}")
-    return remembering(listing.records, pages_folder(root).root)
+    return remembering(listing.records, home_of(root))

@@ -11,7 +11,6 @@ from msgdrop_cli.analysis.reproduction import Section, reproduce
 from msgdrop_cli.analysis.summary import Group, Summary
 from msgdrop_cli.commands.parts.answers import Answers, find_answers
 from msgdrop_cli.commands.parts.estimate import check_folder
-from msgdrop_cli.commands.parts.find_references import home_of
 from msgdrop_cli.commands.parts.train_missing import Means, train_missing
 from msgdrop_cli.commands.parts.ways import wanted_runs, with_ways
 from msgdrop_cli.definition.figures import all_figures
@@ -21,7 +20,7 @@ from msgdrop_cli.definition.statements import read_register
 from msgdrop_cli.report.figures import draw_all, file_stem
 from msgdrop_cli.report.page.content import Page, Picture, with_few_colours
 from msgdrop_cli.report.table import Table, channels_table, results_table
-from msgdrop_cli.report.write import Folder
+from msgdrop_cli.report.write import Folder, home_of
 from msgdrop_cli.signals import scratch_folder
 
 

@@ -20,6 +20,7 @@ from msgdrop_cli.definition.run_id import spec_from_dict
 from msgdrop_cli.definition.spec import Definition
 from msgdrop_cli.errors import DefinitionError, MsgdropError, RecordError
 from msgdrop_cli.records.copies import FILES
+from msgdrop_cli.records.counted import PUBLISHED
 from msgdrop_cli.records.folders import run_folders
 from msgdrop_cli.records.own_sums import RUN_SUMS, run_differences
 from msgdrop_cli.records.packed import log_file
@@ -29,9 +30,6 @@ from msgdrop_cli.records.sums import SUMS, Difference, differences, listed
 from msgdrop_cli.report.compare import difference, is_compared
 from msgdrop_cli.report.study import study_of, write_study
 from msgdrop_cli.report.write import TABLES, Folder
-
-_PUBLISHED = "published"
-"""The folder of what is published: a run in there belongs to a study."""
 
 
 class Verified(NamedTuple):
@@ -183,7 +181,7 @@ def _others(root: Path, folders: Sequence[Path]) -> Verified:
         within = folder.relative_to(root)
         try:
             [record] = list_runs(folder)
-            if not record.is_own and _PUBLISHED in (root.resolve().name, *within.parts):
+            if not record.is_own and PUBLISHED in (root.resolve().name, *within.parts):
                 found.append(Difference(folder, "run", f"one in a folder with {SUMS}", "it alone"))
             if record.status == "done":
                 finished += 1

@@ -8,7 +8,6 @@ from shlex import quote
 from typing import Any
 
 from msgdrop_cli.analysis.labels import leaves
-from msgdrop_cli.commands.parts.find_references import home_of
 from msgdrop_cli.commands.parts.options import WORKERS
 from msgdrop_cli.commands.parts.paces import Paces
 from msgdrop_cli.commands.parts.words import about, several
@@ -26,6 +25,7 @@ from msgdrop_cli.records.files import LOCK
 from msgdrop_cli.records.holders import is_held, locked_files
 from msgdrop_cli.records.ours import CHECKPOINTS
 from msgdrop_cli.records.store import RunRecord
+from msgdrop_cli.report.write import home_of
 
 _CURRENT = ""
 _NEVER_AGAIN = "it would diverge again, and counts as the worst value"
