@@ -1,5 +1,6 @@
 """Which runs answer a shipped question: those that it plans, whatever they are called."""
 
+import shutil
 from pathlib import Path
 
 import pytest
@@ -90,3 +91,33 @@ def test_a_log_is_read_once(tmp_path: Path) -> None:
     curve = smooth_curve(record, "catches_per_500")
     (record.path / "metrics.jsonl").unlink()
     assert smooth_curve(record, "catches_per_500") == curve != {}
+
+
+def as_published(root: Path, study: str) -> Path:
+    """Publish the own runs of a results folder; returns DCC's of seed 1."""
+    shutil.copytree(root / "runs", root / "published" / study)
+    return next((root / "published" / study).glob("*/dcc-s1-*"))
+
+
+def test_a_sound_copy_counts_for_a_damaged_one(tmp_path: Path) -> None:
+    """Which is told of, and is among no copies."""
+    write_answers(tmp_path)
+    damaged = as_published(tmp_path, "broken-links-quick") / "episodes.jsonl"
+    sound = as_published(tmp_path, "other-quick")
+    record = sound / "run.json"
+    record.write_text(record.read_text().replace('"broken-links"', '"other"'))
+    shutil.rmtree(tmp_path / "runs")
+    damaged.write_text("{\n")
+    found = answers(tmp_path, "broken-links")
+    assert [each.path for each in found.unreadable] == [damaged.parent]
+    assert arms(found)["dcc", "quick"] == 2
+    [counted] = found.copies[sound.name.rpartition("-")[2]]
+    assert counted.path == sound
+
+
+def test_every_copy_of_a_run_is_there_once(tmp_path: Path) -> None:
+    """Also the one that counts."""
+    write_answers(tmp_path)
+    as_published(tmp_path, "broken-links-quick")
+    for copies in answers(tmp_path, "broken-links").copies.values():
+        assert [record.is_own for record in copies] == [False, True]

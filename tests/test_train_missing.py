@@ -87,6 +87,21 @@ def test_what_is_published_without_an_evaluation_is_wanted(tmp_path: Path) -> No
     assert seeds == set(range(2, 11))
 
 
+def test_a_damaged_published_log_costs_only_its_run(tmp_path: Path) -> None:
+    """It is wanted again, like one that is nowhere, and what the others cost is told."""
+    question = load_definition("broken-links")
+    write_answers(tmp_path)
+    (tmp_path / "runs").rename(tmp_path / "published")
+    [damaged] = tmp_path.glob("published/pursuit-n6/dcc-s1-*/episodes.jsonl")
+    for policy in tmp_path.glob("published/*/*"):
+        (policy / "policy.safetensors").write_bytes(b"?")
+    damaged.write_text("{\n")
+    answers = find_answers(tmp_path, [question], OFFERS)
+    found = wanted_runs(reproduce(answers.answers, all_figures()), answers, OFFERS)
+    runs = {each.run.run_id for each in found if each.run.variant == "dcc"}
+    assert damaged.parent.name.rpartition("-")[2] in runs
+
+
 def test_a_claim_whose_look_has_come_waits_for_its_family() -> None:
     """More seeds of its own arms would decide nothing: rates 0.1, 0.3, 0.4 with ten seeds do."""
     published = ROOT / "results" / "published" / "broken-links-two-million"

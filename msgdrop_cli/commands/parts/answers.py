@@ -5,7 +5,7 @@ count. So a run of somebody else's question, or one with a setting of its own, a
 """
 
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import NamedTuple
@@ -61,7 +61,7 @@ class Answers:
     scales: Mapping[str, Scale]
     """By the profile's name in the records."""
     copies: Mapping[str, Sequence[RunRecord]]
-    """Of every run, by its id; the first is the one that is among the records."""
+    """Of every run by its id, in no order; none that is told of as unreadable."""
 
 
 def readable_runs(root: Path) -> tuple[list[RunRecord], list[Unreadable]]:
@@ -84,31 +84,28 @@ def find_answers(root: Path, definitions: Sequence[Definition], catalogue: Catal
     Raises RecordError for a folder that cannot be read; damaged runs are told of instead.
     """
     records, unreadable = readable_runs(root)
-    matched = [_Matched(definition, records, catalogue) for definition in definitions]
-    found: dict[tuple[str, str, str], RunRecord] = {}
-    for record in (record for each in matched for record in each.records):
-        key = (record.run_id, record.variant, record.profile)
-        found.setdefault(key, record)
-    used = _sound(found.values(), _read_log, unreadable)
-    try:
-        summary = _summary(used, root)
-    except RecordError:  # whoever is damaged is looked for only if somebody is
-        used = _sound(used, lambda record: summarise([record]), unreadable)
-        summary = _summary(used, root)
+    while True:
+        matched = [_Matched(definition, records, catalogue) for definition in definitions]
+        used, damaged = _checked(matched)
+        if not damaged:
+            break
+        unreadable += damaged  # and another copy of its run may be sound
+        paths = {each.path for each in damaged}
+        records = [record for record in records if record.path not in paths]
+    summary = summarise(used, references=references_of(used, root))
     answers = tuple(
         Answer(definition=definition, summary=_of(definition, each.ids, summary))
         for definition, each in zip(definitions, matched, strict=True)
     )
     ids = {record.run_id for record in used}
     once = {record.run_id: record for record in used}
-    paths = {each.path for each in unreadable}
-    copies: dict[str, list[RunRecord]] = {run_id: [record] for run_id, record in once.items()}
+    copies: dict[str, list[RunRecord]] = {}
     for record in records:
         copies.setdefault(record.run_id, []).append(record)
     return Answers(
         answers=answers,
         records=tuple(once.values()),
-        others=tuple(r for r in records if r.run_id not in ids and r.path not in paths),
+        others=tuple(r for r in records if r.run_id not in ids),
         unreadable=tuple(unreadable),
         scales={scale.name: scale for each in matched for scale in each.scales},
         copies=copies,
@@ -176,29 +173,24 @@ def _planned(
             yield replace(run, spec=spec, run_id=run_id(spec))
 
 
-def _summary(records: Sequence[RunRecord], root: Path) -> Summary:
-    return summarise(records, references=references_of(records, root))
-
-
-def _sound(
-    records: Iterable[RunRecord],
-    check: Callable[[RunRecord], object],
-    unreadable: list[Unreadable],
-) -> list[RunRecord]:
-    """The runs that pass a check; the others are told of."""
-    sound = []
-    for record in records:
+def _checked(matched: Iterable[_Matched]) -> tuple[list[RunRecord], list[Unreadable]]:
+    """The runs that some question plans, once by each name; and those whose logs are damaged."""
+    found: dict[tuple[str, str, str], RunRecord] = {}
+    for record in (record for each in matched for record in each.records):
+        found.setdefault((record.run_id, record.variant, record.profile), record)
+    damaged: dict[Path, Unreadable] = {}
+    for record in found.values():
         try:
-            check(record)
-            sound.append(record)
+            _read_logs(record)
         except RecordError as error:
-            unreadable.append(Unreadable(record.path, str(error)))
-    return sound
+            damaged.setdefault(record.path, Unreadable(record.path, str(error)))
+    return list(found.values()), list(damaged.values())
 
 
-def _read_log(record: RunRecord) -> None:
+def _read_logs(record: RunRecord) -> None:
     if record.status == "done":
         smooth_curve(record, metrics_of(record).headline.name)
+    summarise([record])
 
 
 def _of(definition: Definition, ids: set[tuple[str, str, str]], summary: Summary) -> Summary:

@@ -85,20 +85,15 @@ def survey(wanted: Iterable[Wanted], root: Path, *, plays: bool = True) -> Surve
     there. Raises RecordError for a damaged record that would have counted.
     """
     distinct = _once(wanted)
-    copies = copies_of(root, distinct.keys())
-    ordered = {
-        run_id: preferred(copies.get(run_id, ()), each.run.definition)
-        for run_id, each in distinct.items()
-    }
-    return _surveyed(distinct, ordered, plays=plays)
+    return _surveyed(distinct, copies_of(root, distinct.keys()), plays=plays)
 
 
-def survey_among(wanted: Iterable[Wanted], records: Mapping[str, Sequence[RunRecord]]) -> Survey:
-    """The same among records that have been read: of each run its copies as `preferred`.
+def survey_among(wanted: Iterable[Wanted], copies: Mapping[str, Sequence[RunRecord]]) -> Survey:
+    """The same among records that have been read: by run id, its copies in any order.
 
-    Raises RecordError for damaged episodes.
+    Raises RecordError if the episodes of all published copies of a run are damaged.
     """
-    return _surveyed(_once(wanted), records, plays=True)
+    return _surveyed(_once(wanted), copies, plays=True)
 
 
 def _once(wanted: Iterable[Wanted]) -> dict[str, Wanted]:
@@ -114,7 +109,7 @@ def _surveyed(
     records: dict[str, RunRecord] = {}
     to_play, short = set[str](), set[str]()
     for run_id, each in wanted.items():
-        for record in copies.get(run_id, ()):
+        for record in preferred(copies.get(run_id, ()), each.run.definition):
             if record.is_own:
                 records[run_id] = record
                 break
