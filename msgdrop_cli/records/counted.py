@@ -5,7 +5,7 @@ from pathlib import Path
 
 from msgdrop_cli.errors import RecordError
 from msgdrop_cli.records.folders import run_folders
-from msgdrop_cli.records.packed import log_file
+from msgdrop_cli.records.packed import log_bytes
 from msgdrop_cli.records.store import EPISODES, POLICY, RUNS, RunRecord, list_runs
 
 PUBLISHED = "published"
@@ -17,8 +17,8 @@ def preferred(copies: Iterable[RunRecord], question: str = "") -> list[RunRecord
     """The copies of one run; the first is the one that counts.
 
     An own one that has ended comes first: what diverged here is not made good by somebody else's.
-    Then finished ones that are published: those of the question that asks, else the one with the
-    longest log of episodes, or with a policy. Then an own one that is on its way.
+    Then finished ones that are published: those of the question that asks, else the one with most
+    episodes in its log, or with a policy. Then an own one that is on its way.
     """
     found = list(copies)
     if len(found) < 2:  # nothing is looked up
@@ -49,9 +49,17 @@ def _rank(record: RunRecord, question: str) -> tuple[int, ...]:
         return 3 if ended else 1, record.status == "done", record.env_steps
     if record.status != "done":
         return (0,)
-    log = log_file(record.path / EPISODES)
-    played = log.stat().st_size if log.is_file() else 0
-    return 2, record.definition == question, played, (record.path / POLICY).is_file()
+    has_policy = (record.path / POLICY).is_file()
+    episodes = int(record.derive("rows of episodes", "", lambda: _rows(record.path / EPISODES)))
+    return 2, record.definition == question, episodes, has_policy
+
+
+def _rows(log: Path) -> int:
+    """How many a log has, packed or not; fewer than none if it is damaged."""
+    try:
+        return (log_bytes(log) or b"").count(b"\n")
+    except RecordError:
+        return -1
 
 
 def _folders(root: Path, run_ids: Container[str]) -> dict[str, list[Path]]:

@@ -11,6 +11,7 @@ from pathlib import Path
 from msgdrop_cli.definition.channel import Channel
 from msgdrop_cli.definition.plan import Plan
 from msgdrop_cli.definition.spec import PlannedRun
+from msgdrop_cli.errors import RecordError
 from msgdrop_cli.records.counted import copies_of, preferred
 from msgdrop_cli.records.store import POLICY, RunRecord
 
@@ -109,22 +110,46 @@ def _surveyed(
     records: dict[str, RunRecord] = {}
     to_play, short = set[str](), set[str]()
     for run_id, each in wanted.items():
-        for record in preferred(copies.get(run_id, ()), each.run.definition):
-            if record.is_own:
-                records[run_id] = record
-                break
-            if record.status != "done":
-                continue
-            if not record.has_episodes(each.channels, each.episodes):
-                if not (plays and (record.path / POLICY).is_file()):
-                    short.add(run_id)
-                    continue
+        ordered = preferred(copies.get(run_id, ()), each.run.definition)
+        own = next((record for record in ordered if record.is_own), None)
+        if ordered and ordered[0] is own:
+            records[run_id] = own
+            continue
+        whole, lacking = _published(ordered, each)
+        playable = (record for record in lacking if plays and (record.path / POLICY).is_file())
+        if counted := whole or next(playable, None):
+            records[run_id] = counted
+            if not whole:
                 to_play.add(run_id)
-            records[run_id] = record
-            break
+        elif own:
+            records[run_id] = own
+        elif lacking:
+            short.add(run_id)
     return Survey(
         runs=tuple(each.run for each in wanted.values()),
         records=records,
         to_play=frozenset(to_play),
-        short=frozenset(short - records.keys()),
+        short=frozenset(short),
     )
+
+
+def _published(
+    copies: Sequence[RunRecord], wanted: Wanted
+) -> tuple[RunRecord | None, list[RunRecord]]:
+    """Of finished published copies the first that has the episodes; else those that lack some.
+
+    Raises RecordError if the episodes of all are damaged.
+    """
+    lacking, damage = list[RunRecord](), None
+    for record in copies:
+        if record.is_own or record.status != "done":
+            continue
+        try:
+            if record.has_episodes(wanted.channels, wanted.episodes):
+                return record, []
+            lacking.append(record)
+        except RecordError as error:
+            damage = damage or error
+    if damage and not lacking:
+        raise damage
+    return None, lacking
