@@ -10,17 +10,20 @@ from typing import Any
 import pytest
 
 from msgdrop_cli.commands.parts import estimate
+from msgdrop_cli.engine.run import train_cohort
 from msgdrop_cli.errors import RecordError
 from msgdrop_cli.records.files import (
     append_jsonl,
     cut_jsonl,
     read_json,
+    remove_file,
     run_lock,
     sync_file,
     sync_folder,
     write_json_atomic,
 )
 from msgdrop_cli.records.references import keep_references
+from tests.runs import planned
 
 
 def refusing(number: int) -> Callable[..., int]:
@@ -109,6 +112,39 @@ def test_a_drive_without_locks_is_trained_on(
         pass
     note = f"{tmp_path}: has no locks: start no second command that trains here\n"
     assert capsys.readouterr() == ("", note)
+
+
+def test_a_disk_that_turns_read_only_loses_no_outcome(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Neither a row nor a word in the record can be written: that is said (74), with the others.
+
+    The kernel does so after an error of the disk.
+    """
+    opened, refuse = os.open, refusing(errno.EROFS)
+
+    def open_to_read(path: Path, flags: int, *mode: int) -> int:
+        writes = flags & (os.O_WRONLY | os.O_RDWR)
+        return refuse() if writes and tmp_path in Path(path).parents else opened(path, flags, *mode)
+
+    def turn_read_only() -> bool:
+        monkeypatch.setattr(os, "unlink", refuse)
+        monkeypatch.setattr(os, "open", open_to_read)
+        return False
+
+    monkeypatch.setattr("msgdrop_cli.engine.run._LOOK_UP_EVERY_S", 0.0)
+    train_cohort([planned()], tmp_path)
+    done, failed = train_cohort([planned(), planned(seed=2)], tmp_path, stop=turn_read_only)
+    assert (done.status, failed.status, failed.exit_code) == ("done", "failed", 74)
+
+
+def test_what_cannot_be_removed_is_said(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where it lies and why, as of what cannot be written; what is not there is removed already."""
+    remove_file(tmp_path / "none")
+    monkeypatch.setattr(os, "unlink", refusing(errno.EROFS))
+    with pytest.raises(RecordError, match="a: cannot be removed: Read-only file system") as caught:
+        remove_file(tmp_path / "a")
+    assert caught.value.exit_code == 74
 
 
 def test_a_drive_with_locks_needs_no_note(

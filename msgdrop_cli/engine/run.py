@@ -28,6 +28,7 @@ from msgdrop_cli.records.files import (
     Epoch,
     append_jsonl,
     cut_jsonl,
+    remove_file,
     sync_file,
     write_json_atomic,
 )
@@ -238,7 +239,7 @@ class _Session:
             reason = run.diverged or run.note
             run.write_down(word, reason, **self._progress_facts(run))
             outcomes.append(_outcome(run.planned, run.path, word, reason))
-            (run.path / PROGRESS).unlink(missing_ok=True)
+            remove_file(run.path / PROGRESS)
         return outcomes
 
     def _sound(self) -> Iterable[tuple[int, Run]]:

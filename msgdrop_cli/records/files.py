@@ -187,7 +187,7 @@ def run_lock(path: Path) -> Iterator[Epoch]:
     """Holds the kernel's lock of the run folder `path`, which is made if need be.
 
     The lock goes with the process, however it ends; there is nothing to clean up. A file system
-    without locks gives none (`commands.estimate.check_folder` says so before anything begins).
+    without locks gives none; `commands.parts.estimate.check_folder` says so before anything begins.
     Raises RecordError: another process trains this run (75), the folder cannot be made (73), or
     nothing can be written there (74).
     """
@@ -224,6 +224,14 @@ def take_lock(handle: int) -> bool:
             raise
         return False
     return True
+
+
+def remove_file(path: Path) -> None:
+    """Removes the file `path`, if there is one; RecordError (74), such as of a read-only disk."""
+    try:
+        path.unlink(missing_ok=True)
+    except OSError as error:
+        raise _failed("cannot be removed", path, error, CANNOT_WRITE) from error
 
 
 def sync_file(path: Path) -> None:

@@ -14,6 +14,7 @@ from typing import Any
 from msgdrop_cli.records.files import (
     json_bytes,
     read_bytes,
+    remove_file,
     write_bytes_atomic,
     write_json_atomic,
 )
@@ -54,7 +55,7 @@ def write_record(folder: Path, run: Mapping[str, Any]) -> None:
     if run["status"] == "done":
         write_listed(folder / RUN, json_bytes(run), begin=True)
     else:
-        (folder / RUN_SUMS).unlink(missing_ok=True)
+        remove_file(folder / RUN_SUMS)
         write_json_atomic(folder / RUN, run)
 
 

@@ -5,7 +5,7 @@ from contextlib import suppress
 from pathlib import Path
 
 from msgdrop_cli.definition.spec import PlannedRun
-from msgdrop_cli.records.files import LOCK, run_lock
+from msgdrop_cli.records.files import LOCK, remove_file, run_lock
 from msgdrop_cli.records.store import RUN, create_run, find_run
 
 
@@ -22,14 +22,14 @@ def plan_run(path: Path, planned: PlannedRun) -> None:
 def remove_planned(path: Path, run_id: str) -> None:
     """Removes the folder of a run that is planned and no more; whatever else is there stays.
 
-    Raises RecordError if it is in use (75) or damaged (2).
+    Raises RecordError if it is in use (75), damaged (2) or not to be removed (74).
     """
     if not _is_planned(path, run_id):
         return
     with run_lock(path):
         if _is_planned(path, run_id):  # still
-            (path / RUN).unlink()
-            (path / LOCK).unlink()
+            remove_file(path / RUN)
+            remove_file(path / LOCK)
     with suppress(OSError):  # not empty: what is left is not ours
         path.rmdir()
 
