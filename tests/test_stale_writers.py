@@ -3,9 +3,12 @@
 import shutil
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
 
+from msgdrop_cli.definition.channel import Channel
+from msgdrop_cli.engine import evaluation
 from msgdrop_cli.engine.run import train_cohort
 from msgdrop_cli.errors import RecordError
 from msgdrop_cli.records.files import run_lock
@@ -50,6 +53,27 @@ def test_a_writer_that_was_replaced_writes_nothing_more(
     found = contents(stale.path)
     found.pop("progress.json", None)  # shown to people only
     assert found == after
+
+
+def test_an_evaluation_that_was_replaced_keeps_the_rows_of_the_other(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """On a drive that has no locks two may evaluate one run: the earlier writes nothing (75)."""
+    monkeypatch.setattr("msgdrop_cli.records.files.take_lock", lambda _: False)
+    [run] = train_cohort([planned(train_env_steps=160)], tmp_path)
+    play, after = evaluation.evaluate, dict[str, bytes]()
+
+    def replaced(path: Path, **how: Any) -> list[dict[str, Any]]:
+        monkeypatch.setattr(evaluation, "evaluate", play)
+        evaluation.evaluate_run(path, channel=Channel.read("half"), episodes=8)
+        after.update(contents(path))
+        return play(path, **how)
+
+    monkeypatch.setattr(evaluation, "evaluate", replaced)
+    with pytest.raises(RecordError, match="another process has taken it over") as caught:
+        evaluation.evaluate_run(run.path, channel=Channel.read(0.5), episodes=8)
+    assert caught.value.exit_code == 75
+    assert contents(run.path) == after
 
 
 def test_without_locks_the_later_of_two_writers_goes_on(

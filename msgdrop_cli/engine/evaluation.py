@@ -123,11 +123,11 @@ def evaluate_run(
     again, since a block is drawn as a whole. For the same reason a channel is played as often as
     any other of the run, if that is more: episode by episode they then meet the same games. Returns
     the number of episodes played, 0 if `stop` said so. Raises RecordError, (75) if another process
-    trains or evaluates the run: one of them would lose its rows.
+    trains or evaluates the run, or began to meanwhile: one of them would lose its rows.
     """
     if list_runs(run_path)[0].has_episodes([channel], episodes):
         return 0
-    with run_lock(run_path):
+    with run_lock(run_path) as epoch:
         record = list_runs(run_path)[0]  # again: somebody may have played them meanwhile
         if record.has_episodes([channel], episodes):
             return 0
@@ -155,6 +155,7 @@ def evaluate_run(
         for each in played.values():
             each.sort(key=lambda row: row["episode"])
         content = jsonl_bytes(chain(*(played[each] for each in sorted(played))))
+        epoch.check()
         write_listed(run_path / EPISODES, content)
         return len(rows)
 
