@@ -3,16 +3,19 @@
 import os
 import random
 import subprocess
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from msgdrop_cli.errors import RecordError
 from msgdrop_cli.records import own_sums
 from msgdrop_cli.records.archive import install, unpack, write_archive
-from msgdrop_cli.records.files import write_bytes_atomic
+from msgdrop_cli.records.files import read_bytes, write_bytes_atomic
 from msgdrop_cli.records.own_sums import RUN_SUMS, run_differences, write_listed
 from msgdrop_cli.records.store import EPISODES, RUN, list_runs, set_status
+from msgdrop_cli.records.sums import digest
 from tests.cli_runs import Store, copied_store, filled_store, msgdrop
 
 
@@ -97,6 +100,27 @@ def test_a_crash_at_any_write_leaves_a_run_that_its_list_knows(
     write_listed(run / EPISODES, content)
     assert [*run_differences(run)] == []
     assert len((run / RUN_SUMS).read_text().splitlines()) == 4
+
+
+@pytest.mark.parametrize("look", [1, 2, 3, 4, 5])
+def test_a_look_beside_an_evaluation_is_no_alarm(
+    run: Path, look: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Whichever file is being read when another process replaces the episodes."""
+    content, looks = (run / EPISODES).read_bytes() * 2, list[Path]()
+
+    def noted(reading: Callable[[Path], Any], path: Path) -> Any:
+        looks.append(path)
+        if len(looks) == look:
+            write_listed(run / EPISODES, content)
+        return reading(path)
+
+    monkeypatch.setattr(
+        "msgdrop_cli.records.own_sums.read_bytes", lambda path: noted(path, read_bytes)
+    )
+    monkeypatch.setattr("msgdrop_cli.records.own_sums.digest", lambda path: noted(path, digest))
+    assert [*run_differences(run)] == []
+    assert len(looks) >= 5
 
 
 def test_runs_of_an_earlier_version_have_no_list_and_are_no_damage(

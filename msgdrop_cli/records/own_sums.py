@@ -19,7 +19,7 @@ from msgdrop_cli.records.files import (
     write_json_atomic,
 )
 from msgdrop_cli.records.folders import EPISODES, METRICS, POLICY, RUN
-from msgdrop_cli.records.sums import Difference, digest, list_text, read_list
+from msgdrop_cli.records.sums import Difference, digest, list_text, parse_list, read_list
 
 RUN_SUMS = "run.sha256"
 """The file in the folder of a run that is done."""
@@ -64,10 +64,24 @@ def begin_list(folder: Path) -> None:
     write_bytes_atomic(folder / RUN_SUMS, list_text(_present(folder)))
 
 
-def run_differences(folder: Path) -> Iterator[Difference]:
-    """How a run differs from its list, if it has one; RecordError if that cannot be read (2)."""
+def run_differences(folder: Path) -> list[Difference]:
+    """How a run differs from its list; RecordError if that cannot be read (2).
+
+    Who replaces a file meanwhile changes the list before it, so then all is read once more.
+    """
     sums = folder / RUN_SUMS
-    said, found = read_list(sums), dict(_present(folder))
+    content = read_bytes(sums)
+    while found := [*_differences(folder, content)]:
+        before, content = content, read_bytes(sums)
+        if content == before:
+            break
+    return found
+
+
+def _differences(folder: Path, content: bytes) -> Iterator[Difference]:
+    """How the files, read now, differ from this list."""
+    sums = folder / RUN_SUMS
+    said, found = parse_list(content, sums), dict(_present(folder))
     for name in sorted({*dict(said), *found}):
         expected = [digest for each, digest in said if each == name]
         if name not in found:
@@ -76,7 +90,7 @@ def run_differences(folder: Path) -> Iterator[Difference]:
             yield Difference(folder / name, "file", f"none that {RUN_SUMS} does not list", "one")
         elif found[name] not in expected:
             yield Difference(folder / name, "SHA-256", expected[-1], found[name] or "no file")
-    if read_bytes(sums) != list_text(set(said)):
+    if content != list_text(set(said)):
         yield Difference(sums, "form", "each file once, sorted, in whole lines", "another")
 
 

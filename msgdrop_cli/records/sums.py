@@ -60,7 +60,12 @@ def listed(folder: Path) -> dict[str, str]:
 
 def read_list(file: Path) -> list[tuple[str, str]]:
     """Names and digests as a list says; RecordError (2) if it cannot be read."""
-    lines = read_bytes(file).decode(errors="replace").removesuffix("\n").split("\n")
+    return parse_list(read_bytes(file), file)
+
+
+def parse_list(content: bytes, file: Path) -> list[tuple[str, str]]:
+    """The same of the bytes of a list; file: where they were read."""
+    lines = content.decode(errors="replace").removesuffix("\n").split("\n")
     sums = []
     for number, line in enumerate(lines, start=1):
         if not (read := _LINE.fullmatch(line)):
