@@ -20,7 +20,7 @@ from msgdrop_cli.cluster.guests import forget, hear, work_apart
 from msgdrop_cli.cluster.parcels import Parcel, open_parcel, parcel
 from msgdrop_cli.cluster.tasks import carry
 from msgdrop_cli.errors import RecordError
-from msgdrop_cli.records.files import Epoch, write_json_atomic
+from msgdrop_cli.records.files import Epoch, run_lock, write_json_atomic
 from msgdrop_cli.records.outcome import Outcome
 from msgdrop_cli.records.store import PROGRESS, set_status
 from msgdrop_cli.scheduler import Arrived, Elsewhere, Task, lost
@@ -48,6 +48,7 @@ class _Away:
 
     locks: ExitStack = field(default_factory=ExitStack)
     folders: dict[str, Path] = field(default_factory=dict)
+    epochs: dict[str, Epoch] = field(default_factory=dict)
 
 
 @dataclass(slots=True)
@@ -73,9 +74,12 @@ class _Apart:
             for run in task.train:
                 found = lock(run, task.root, locks)
                 away.folders[run.run_id] = found.path
-                if isinstance(found, Epoch):
+                if not isinstance(found, Epoch):  # another process has finished it just now
+                    found = locks.enter_context(run_lock(found.path))
+                else:
                     with suppress(RecordError):  # it has none yet
                         set_status(found.path, "running")
+                away.epochs[run.run_id] = found
                 parcels[run.run_id] = parcel(found.path)
             away.locks = locks.pop_all()
         self.away[task.run_ids] = away
@@ -87,16 +91,20 @@ class _Apart:
 
     def receive(self, task: Task, result: Sequence[tuple[Outcome, Parcel]]) -> list[Outcome]:
         """Put what came back where it belongs, and say how it ended."""
-        outcomes = []
+        outcomes, unread = [], dict[str, RecordError]()
+        away = self.away[task.run_ids]
         for outcome, files in result:
-            folder = self.away[task.run_ids].folders[outcome.run_id]
+            folder = away.folders[outcome.run_id]
             try:
+                away.epochs[outcome.run_id].check()
                 open_parcel(files, folder)
                 outcomes.append(replace(outcome, path=folder))
             except RecordError as error:
-                failed = lost(task, outcome.run_id, str(error))
-                outcomes.append(replace(failed, exit_code=error.exit_code))
-        self.abandon(task)
+                unread[outcome.run_id] = error
+        self.abandon(task)  # first: the record says what was lost, too, which takes the lock
+        for run_id, damage in unread.items():
+            failed = lost(task, run_id, str(damage))
+            outcomes.append(replace(failed, exit_code=damage.exit_code))
         return outcomes
 
     def abandon(self, task: Task) -> None:

@@ -15,9 +15,11 @@ from msgdrop_cli.records.files import (
     CANNOT_CREATE,
     LOCK,
     TEMPORARY,
+    remove_file,
     write_bytes_atomic,
 )
 from msgdrop_cli.records.ours import CHECKPOINTS, delete_checkpoints
+from msgdrop_cli.records.own_sums import RUN_SUMS
 from msgdrop_cli.records.store import PROGRESS, RUN
 
 Parcel = Mapping[str, bytes]
@@ -25,17 +27,17 @@ Parcel = Mapping[str, bytes]
 _STAYS = (LOCK, PROGRESS)
 """Of the machine where it is."""
 _MANIFEST = "MANIFEST.json"
-_PLACE = re.compile(r"(?:checkpoints/(?:\d{15}|replay)/)?[A-Za-z0-9][A-Za-z0-9._-]{0,99}")
+_OURS = re.compile(r"(?:checkpoints/(?:\d{15}|replay)/)?[A-Za-z0-9][A-Za-z0-9._-]{0,99}")
 
 
 def parcel(folder: Path) -> Parcel:
-    """What stands in a run's folder; nothing of it may be written meanwhile."""
+    """What of ours stands in a run's folder; nothing of it may be written meanwhile."""
     files = sorted(path for path in folder.rglob("*") if path.is_file() and not path.is_symlink())
     names = {str(path.relative_to(folder)): path for path in files}
     return {
         name: path.read_bytes()
         for name, path in names.items()
-        if path.name not in _STAYS and TEMPORARY not in name
+        if _OURS.fullmatch(name) and name not in _STAYS and TEMPORARY not in name
     }
 
 
@@ -45,8 +47,9 @@ def open_parcel(parcel: Parcel, folder: Path) -> None:
     Raises RecordError: a name that none of ours has, nothing written (2), or no room (74).
     """
     for name in parcel:
-        if not _PLACE.fullmatch(name) or name in _STAYS:
+        if not _OURS.fullmatch(name) or name in _STAYS:
             raise RecordError(one_line(f"{folder}: {name[:99]!r} came, which is no file of a run"))
+    remove_file(folder / RUN_SUMS)  # of the files that are replaced now
     for name in sorted(parcel, key=_order):
         path = folder / name
         try:
@@ -59,6 +62,7 @@ def open_parcel(parcel: Parcel, folder: Path) -> None:
     delete_checkpoints(folder, keep=came | {path.parent for path in came})
 
 
-def _order(name: str) -> tuple[bool, bool, bool, str]:
-    """Replay and networks, and what declares them good; then logs; the record is the last."""
-    return name == RUN, not name.startswith(CHECKPOINTS), name.endswith(_MANIFEST), name
+def _order(name: str) -> tuple[bool, bool, bool, bool, str]:
+    """Replay and networks, and what declares them good; then logs, the record, its digests."""
+    is_log = not name.startswith(CHECKPOINTS)
+    return name == RUN_SUMS, name == RUN, is_log, name.endswith(_MANIFEST), name

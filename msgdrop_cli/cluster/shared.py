@@ -10,12 +10,15 @@ from msgdrop_cli.cluster.tasks import carry
 from msgdrop_cli.errors import RecordError
 from msgdrop_cli.records.files import run_lock
 from msgdrop_cli.records.outcome import Outcome
-from msgdrop_cli.records.store import set_status
+from msgdrop_cli.records.store import list_runs, set_status
 from msgdrop_cli.scheduler import Arrived, Elsewhere, Task, work
 from msgdrop_cli.stopping import Control
 
 if TYPE_CHECKING:
     from distributed import Client, Future
+
+
+_ENDED = ("done", "diverged", "failed")
 
 
 def on(client: "Client") -> Elsewhere:
@@ -50,8 +53,10 @@ class _Shared:
 def work_there(task: Task, control: Control) -> list[Outcome]:
     """What a worker does: the scheduler's own work; the record says on which machine."""
     outcomes = work(task, control)
-    for outcome in outcomes:
-        if outcome.path is not None and outcome.status != "interrupted":
-            with suppress(RecordError), run_lock(outcome.path):
-                set_status(outcome.path, outcome.status, outcome.reason, node=platform.node())
+    for run in task.train:
+        with suppress(RecordError), run_lock(task.folders[run.run_id]):
+            # As it is now: how the task ended is not how its training did.
+            [record] = list_runs(task.folders[run.run_id])
+            if record.status in _ENDED and "node" not in record.run:
+                set_status(record.path, record.run["status"], record.reason, node=platform.node())
     return outcomes
