@@ -12,6 +12,7 @@ from msgdrop_cli.cluster.parcels import open_parcel, parcel
 from msgdrop_cli.errors import RecordError
 from msgdrop_cli.records.files import run_lock
 from msgdrop_cli.records.outcome import Outcome
+from msgdrop_cli.records.own_sums import RUN_SUMS
 from msgdrop_cli.records.store import list_runs, run_path
 from msgdrop_cli.scheduler import run_tasks
 from msgdrop_cli.stopping import Control, graceful_stop
@@ -64,15 +65,8 @@ def test_runs_that_travel_are_the_same(there: Cluster, tmp_path: Path) -> None:
     assert digests(root) == digests(undisturbed)
     assert {run.run["node"] for run in list_runs(root)} == {os.uname().nodename}
     names = {path.name for path in root.rglob("*") if path.is_file()}
-    kept = {
-        "metrics.jsonl",
-        "episodes.jsonl",
-        "policy.safetensors",
-        "lock",
-        "run.json",
-        "run.sha256",
-    }
-    assert names == kept  # no checkpoint and no progress is left
+    kept = {"run.json", "metrics.jsonl", "episodes.jsonl", "policy.safetensors", "lock"}
+    assert names == {*kept, RUN_SUMS}  # no checkpoint and no progress is left
 
 
 def test_a_parcel_becomes_what_it_was(tmp_path: Path) -> None:

@@ -59,6 +59,7 @@ def secret(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Secret]:
         yield Secret(tls, plain, good, bad)
 
 
+@pytest.mark.slow
 def test_tls_gives_the_same(secret: Secret, tmp_path: Path) -> None:
     """Two runs through an encrypted cluster, bit for bit those of this process."""
     results, here = tmp_path / "results", tmp_path / "here"
