@@ -48,6 +48,7 @@ docs: $(VENV)/docs.stamp
 
 faults: $(VENV)/test.stamp
 	$(INSIDE) OMP_NUM_THREADS=1 FAULTS=$(FAULTS) $(BIN)/python -m tests.faults
+	$(INSIDE) MSGDROP_MACHINES=1 $(BIN)/python -m pytest --quiet tests/test_cluster_machines.py
 
 fuzz: $(VENV)/fuzz.stamp
 	$(INSIDE) OMP_NUM_THREADS=1 $(BIN)/python -m tests.fuzz --seconds $(SECONDS)

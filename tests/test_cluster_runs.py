@@ -11,12 +11,13 @@ from msgdrop_cli.cluster.shared import work_there
 from msgdrop_cli.definition.channel import NONE_BROKEN
 from msgdrop_cli.engine.run import train_cohort
 from msgdrop_cli.errors import RecordError
-from msgdrop_cli.records.files import run_lock
+from msgdrop_cli.records.files import run_lock, write_bytes_atomic
 from msgdrop_cli.records.own_sums import RUN_SUMS, run_differences
 from msgdrop_cli.records.store import POLICY, RUN, list_runs
 from msgdrop_cli.scheduler import Task
-from msgdrop_cli.stopping import NOTHING
 from tests.runs import planned
+
+CONTROL: Any = SimpleNamespace(stopping=lambda: False, mark=lambda *_: None, phases=dict)
 
 
 @pytest.fixture
@@ -34,7 +35,7 @@ def _task(run: Path, **settings: Any) -> Task:
 def test_a_training_stays_finished_if_its_evaluation_fails(done: Path) -> None:
     """The record is of the training; the policy cannot be read any more."""
     (done / POLICY).write_bytes(b"damaged")
-    [outcome] = work_there(_task(done, train=(planned(),)), NOTHING)
+    [outcome] = work_there(_task(done, train=(planned(),)), CONTROL)
     [record] = list_runs(done)
     assert outcome.status == "failed"
     assert record.status == "done"
@@ -56,12 +57,11 @@ def test_a_kill_between_two_files_leaves_no_list_that_denies_them(
 ) -> None:
     """The list of digests goes first and comes last."""
     came = {**parcels.parcel(done), RUN: b'{"of another": "time"}'}
-    written = parcels.write_bytes_atomic
 
     def killed(path: Path, content: bytes) -> None:
         if path.name == RUN_SUMS:
             raise KeyboardInterrupt
-        written(path, content)
+        write_bytes_atomic(path, content)
 
     monkeypatch.setattr(parcels, "write_bytes_atomic", killed)
     with pytest.raises(KeyboardInterrupt):
@@ -73,9 +73,8 @@ def test_a_kill_between_two_files_leaves_no_list_that_denies_them(
 def test_a_run_that_was_finished_meanwhile_is_locked_while_it_is_away(done: Path) -> None:
     """Or what another process writes now would be written over by what comes back."""
     client: Any = SimpleNamespace(submit=lambda *_, **__: None, status="closed")
-    control: Any = NOTHING
     task = _task(done, train=(planned(),))
-    way = apart._Apart(client, control)
+    way = apart._Apart(client, CONTROL)
     way.submit(task)
     with pytest.raises(RecordError, match="in use by another process"), run_lock(done):
         pass
@@ -89,10 +88,9 @@ def test_what_cannot_be_opened_is_in_the_record_too(
 ) -> None:
     """A worker's answer that this machine cannot write down: the run has failed, not `running`."""
     client: Any = SimpleNamespace(submit=lambda *_, **__: None, status="closed")
-    control: Any = NOTHING
     run = planned()
     task = Task(root=tmp_path, train=(run,), channels=(), episodes=1, device="cpu")
-    way = apart._Apart(client, control)
+    way = apart._Apart(client, CONTROL)
     way.submit(task)
     folder = task.folders[run.run_id]
     [outcome] = train_cohort([run], tmp_path / "there")
