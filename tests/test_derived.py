@@ -15,11 +15,13 @@ from msgdrop_cli.analysis.summary import summarise
 from msgdrop_cli.commands.parts.answers import readable_runs
 from msgdrop_cli.commands.parts.listing import runs_in
 from msgdrop_cli.commands.parts.verified import verified
+from msgdrop_cli.definition.channel import NONE_BROKEN
 from msgdrop_cli.records import derived
 from msgdrop_cli.records.derived import DERIVED
 from msgdrop_cli.records.files import read_bytes
 from msgdrop_cli.records.packed import read_log
 from msgdrop_cli.records.remembering import remembering
+from msgdrop_cli.records.sources import code, code_files
 from msgdrop_cli.records.store import EPISODES, METRICS, RUNS, RunRecord, list_runs
 from tests.fake_runs import write_run
 
@@ -121,9 +123,34 @@ def test_a_changed_digit_is_damage(home: Path) -> None:
 def test_other_code_makes_its_own_numbers(home: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """What another version has kept does not count."""
     numbers(records(home))
-    monkeypatch.setattr(curves, "code", lambda: "another")
+    monkeypatch.setattr(derived, "code", lambda: "another")
     monkeypatch.setattr(curves, "_learning_mean", lambda windows: 42.0)
     assert [learning_mean(run, METRIC) for run in records(home)] == [42.0, 42.0]
+
+
+def test_other_code_counts_its_own_episodes(home: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Whether a run has its evaluation depends on how its rows are read, too."""
+    assert all(run.has_episodes([NONE_BROKEN], 2) for run in records(home))
+    monkeypatch.setattr(derived, "code", lambda: "another")
+    monkeypatch.setattr("msgdrop_cli.records.store.by_channel", lambda rows, file: {})
+    assert not any(run.has_episodes([NONE_BROKEN], 1) for run in records(home))
+
+
+def test_what_an_entry_means_is_part_of_the_code() -> None:
+    """As are reading and adding."""
+    names = {f"{file.parent.name}/{file.name}" for file in code_files()}
+    assert names >= {"definition/channel.py", "records/packed.py", "analysis/metrics.py"}
+    assert "msgdrop_envs/metric.py" in names
+
+
+def test_what_other_code_has_kept_makes_room(home: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """However often the program changes, a file holds what one of them computed."""
+    numbers(records(home))
+    sizes = {file: file.stat().st_size for file in (home / DERIVED).iterdir()}
+    for version in range(3):
+        monkeypatch.setattr(derived, "code", lambda version=version: f"{version:016x}")
+        numbers(records(home))
+    assert {file: file.stat().st_size for file in (home / DERIVED).iterdir()} == sizes
 
 
 def test_nothing_is_kept_of_a_log_that_has_just_been_written(
@@ -195,9 +222,10 @@ def test_nothing_is_kept_in_a_run(home: Path) -> None:
 
 
 def test_json_names_the_logs_that_it_was_made_of(home: Path) -> None:
-    """Device, inode, size and times of both."""
+    """Device, inode, size and times of both; and the code."""
     numbers(records(home))
     for file in (home / DERIVED).iterdir():
-        made_of, values = json.loads(file.read_bytes().partition(b"\n")[2])
+        made_by, made_of, values = json.loads(file.read_bytes().partition(b"\n")[2])
+        assert made_by == code()
         assert len(made_of) == 10
         assert len(values) == 3

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from msgdrop_cli.analysis.intervals import mean_band
-from msgdrop_cli.analysis.sources import code
 from msgdrop_cli.analysis.statistics import Interval, mean, total
 from msgdrop_cli.errors import RecordError
 from msgdrop_cli.records.packed import log_file
@@ -65,7 +64,7 @@ def learning_mean(record: RunRecord, metric: str) -> float | None:
     the log has no value of this metric.
     """
     mean: float | None = record.derive(
-        f"learning mean {metric}", code(), lambda: _learning_mean(_windows(record, metric))
+        f"learning mean {metric}", lambda: _learning_mean(_windows(record, metric))
     )
     return mean
 
@@ -74,7 +73,6 @@ def smooth_curve(record: RunRecord, metric: str) -> dict[int, float]:
     """The metric of one run by env step, in a centred moving mean over SMOOTHING_SHARE of it."""
     steps, values = record.derive(
         f"learning curve {metric}",
-        code(),
         lambda: _columns(_smooth(_windows(record, metric))),
     )
     return dict(zip(steps, values, strict=True))

@@ -10,7 +10,6 @@ from functools import lru_cache
 from typing import Any, NamedTuple
 
 from msgdrop_cli.analysis.metrics import NamedMetric
-from msgdrop_cli.analysis.sources import code
 from msgdrop_cli.definition.channel import Channel
 from msgdrop_cli.definition.run_id import short_hash
 from msgdrop_cli.errors import RecordError
@@ -96,7 +95,7 @@ def evaluations_of(
 ) -> dict[Channel, Evaluation]:
     """Each channel of one run, over its first `episodes` (None: all)."""
     name = f"evaluations {_formulas(tuple(metrics))} {episodes}"
-    found = record.derive(name, code(), lambda: _evaluated(record, metrics, episodes))
+    found = record.derive(name, lambda: _evaluated(record, metrics, episodes))
     return {_channel(entry): Evaluation(*evaluation) for entry, *evaluation in found}
 
 

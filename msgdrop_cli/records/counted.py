@@ -50,7 +50,7 @@ def _rank(record: RunRecord, question: str) -> tuple[int, ...]:
     if record.status != "done":
         return (0,)
     has_policy = (record.path / POLICY).is_file()
-    episodes = int(record.derive("rows of episodes", "", lambda: _rows(record.path / EPISODES)))
+    episodes = int(record.derive("rows of episodes", lambda: _rows(record.path / EPISODES)))
     return 2, record.definition == question, episodes, has_policy
 
 

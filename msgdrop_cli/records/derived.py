@@ -20,6 +20,7 @@ from msgdrop_cli.definition.run_id import short_hash
 from msgdrop_cli.errors import RecordError
 from msgdrop_cli.records.files import read_bytes, write_bytes_atomic
 from msgdrop_cli.records.packed import log_file
+from msgdrop_cli.records.sources import code
 
 DERIVED = "derived"
 """The folder of these files in a results folder, a file a run."""
@@ -37,16 +38,15 @@ class Derived:
         self._values: dict[str, Any] | None = None
         self._made_of: list[int] | None = None
 
-    def value(self, name: str, code: str, make: Callable[[], Any]) -> Any:
-        """The JSON value of this name, kept or made; code: a digest of what makes it."""
-        key = f"{name} {code}"
+    def value(self, name: str, make: Callable[[], Any]) -> Any:
+        """The JSON value of this name, kept or made."""
         if self._values is None:
             self._made_of = self._facts()
             self._values = self._read()
-        if key not in self._values:
-            self._values[key] = make()
+        if name not in self._values:
+            self._values[name] = make()
             self._keep()
-        return self._values[key]
+        return self._values[name]
 
     def _facts(self) -> list[int] | None:
         """Which files the logs are, and as of when; None if that cannot be relied on."""
@@ -69,14 +69,14 @@ class Derived:
         return self._home / DERIVED / f"{self._run.name}-{within}.json"
 
     def _read(self) -> dict[str, Any]:
-        """What is kept of these very logs."""
+        """What this very code has kept of these very logs; the rest makes room."""
         if self._made_of is None:
             return {}
         try:
             digest, _, content = read_bytes(self._file(), LARGEST).partition(b"\n")
             if hashlib.sha256(content).hexdigest().encode() == digest:
-                made_of, values = json.loads(content)
-                if made_of == self._made_of:
+                made_by, made_of, values = json.loads(content)
+                if (made_by, made_of) == (code(), self._made_of):
                     return dict(values)
         except (RecordError, ValueError, TypeError, RecursionError):
             pass
@@ -86,7 +86,7 @@ class Derived:
         """Write all values down, if the logs are still what they were; a fault loses nothing."""
         if self._made_of is None or self._facts() != self._made_of:
             return
-        content = json.dumps([self._made_of, self._values]).encode()
+        content = json.dumps([code(), self._made_of, self._values]).encode()
         file = self._file()
         if len(content) > LARGEST - 65 or file.parent.is_symlink():
             return

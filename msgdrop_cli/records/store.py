@@ -141,16 +141,16 @@ class RunRecord:
         """The raw evaluation episodes, channel by channel; RecordError if damaged."""
         return by_channel(read_log(self.path / EPISODES, "episode"), log_file(self.path / EPISODES))
 
-    def derive(self, name: str, code: str, make: Callable[[], Any]) -> Any:
+    def derive(self, name: str, make: Callable[[], Any]) -> Any:
         """A JSON value that `make` computes of the logs, or computed once if it is kept.
 
-        code: a digest of what makes it. Raises what `make` raises.
+        make: code of `sources`, which decides all but the logs. Raises what it raises.
         """
-        return self.derived.value(name, code, make) if self.derived else make()
+        return self.derived.value(name, make) if self.derived else make()
 
     def has_episodes(self, channels: Iterable[Channel], count: int) -> bool:
         """Whether it has at least `count` episodes of each channel; RecordError if damaged."""
-        played = dict(self.derive("episodes through each channel", "", self._played))
+        played = dict(self.derive("episodes through each channel", self._played))
         wanted = (played.get(name, 0) for each in channels for name in each.entry.values())
         return all(episodes >= count for episodes in wanted)
 
