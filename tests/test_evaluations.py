@@ -4,8 +4,11 @@ import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
+import pytest
+
 from msgdrop_cli.analysis.summary import Summary, summarise
 from msgdrop_cli.definition.channel import Channel
+from msgdrop_cli.errors import RecordError
 from msgdrop_cli.records.store import RunRecord
 from msgdrop_cli.report.table import channels_table, results_table
 from tests.fake_runs import GROUP, write_run
@@ -96,3 +99,17 @@ def test_captions_say_that_only_the_first_episodes_count(tmp_path: Path) -> None
     whole = summarise([played(tmp_path, "md-0.2", {0.0: [1, 3], 0.3: [0, 1]})])
     for table in (results_table(whole, GROUP), channels_table(whole, GROUP)):
         assert "the first" not in table.caption
+
+
+@pytest.mark.parametrize("returns", [(1e308, 1e308), (1e308, -1e308), (1e101, -1e101)])
+def test_what_cannot_be_added_up_names_its_log(
+    tmp_path: Path, returns: tuple[float, float]
+) -> None:
+    """Neither the sum nor its error is infinite in anybody's table."""
+    record = played(tmp_path, "dcc", {0.0: [1, 2]})
+    log = record.path / "episodes.jsonl"
+    rows = [json.loads(line) for line in log.read_text().splitlines()]
+    changed = [row | {"return": value} for row, value in zip(rows, returns, strict=True)]
+    log.write_text("".join(json.dumps(row) + "\n" for row in changed))
+    with pytest.raises(RecordError, match=f"{log}: an episode's row is not readable"):
+        summarise([record])

@@ -146,6 +146,7 @@ def test_a_folder_without_runs_is_one_clear_line(tmp_path: Path, name: str) -> N
         ({"seed": "1"}, "seed: expected a whole number, not '1'"),
         ({"variant": "../x"}, "variant is not a name"),
         ({"env_steps": -1}, "env_steps and wall_time_s cannot be negative"),
+        ({"wall_time_s": 1e308}, "wall_time_s is beyond 1e+100"),
         ({"spec": []}, "spec: expected a table, not a list"),
         ({"label": "\x1b"}, "label: expected a line of text, not ''"),
     ],

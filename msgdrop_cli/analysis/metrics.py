@@ -63,6 +63,7 @@ class NamedMetric:
 
         Of a ratio of sums, so of what each episode's count differs from the ratio times its length
         (the delta method; per episode it is the standard error of the mean). None for one episode.
+        Raises as `value`, and ValueError where episodes differ too much.
         """
         number, ratio = len(episodes), self.value(episodes) / self.metric.scale
         if number < 2:
@@ -72,7 +73,10 @@ class NamedMetric:
             row[self.metric.count] - ratio * each for row, each in zip(episodes, per, strict=True)
         ]
         squares = total([each * each for each in rest]) * number / (number - 1)
-        return abs(self.metric.scale) * math.sqrt(squares) / total(per)
+        found = abs(self.metric.scale) * math.sqrt(squares) / total(per)
+        if not found <= LARGEST_NUMBER:  # nor NaN
+            raise ValueError(f"the error of {self.name} is beyond {LARGEST_NUMBER:g}")
+        return found
 
 
 @dataclass(frozen=True, slots=True)

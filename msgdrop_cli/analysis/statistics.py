@@ -30,8 +30,14 @@ class Interval(NamedTuple):
 
 
 def total(values: Iterable[float]) -> float:
-    """The sum, exact and then rounded once, so that no order of adding shows in it."""
-    return math.fsum(values)
+    """The sum, exact and then rounded once, so that no order of adding shows in it.
+
+    Raises ValueError where that is beyond every float, on the way to it included.
+    """
+    try:
+        return math.fsum(values)
+    except OverflowError as error:
+        raise ValueError("a sum is beyond every float") from error
 
 
 def products(left: Any, right: Any) -> Any:

@@ -9,7 +9,7 @@ from msgdrop_cli.definition.spec import NAME
 from msgdrop_cli.definition.strict import Where, build, one_line
 from msgdrop_cli.errors import DefinitionError, RecordError
 from msgdrop_cli.records.files import read_json
-from msgdrop_cli.records.parsing import RECORD
+from msgdrop_cli.records.parsing import LARGEST_NUMBER, RECORD
 from msgdrop_cli.records.pretraining import Pretraining
 
 SCHEMA = 1
@@ -42,6 +42,8 @@ class _Run:
                 raise ValueError(f"{key} is not a name")
         if self.env_steps < 0 or self.wall_time_s < 0:
             raise ValueError("env_steps and wall_time_s cannot be negative")
+        if self.wall_time_s > LARGEST_NUMBER:
+            raise ValueError(f"wall_time_s is beyond {LARGEST_NUMBER:g}")
 
 
 def read_run(file: Path) -> dict[str, Any]:
