@@ -17,7 +17,7 @@ from msgdrop_cli.engine.training import Training
 from msgdrop_cli.records.files import count_jsonl
 from msgdrop_cli.records.outcome import Outcome
 from msgdrop_cli.records.store import METRICS
-from tests.chunk_runs import STEPS
+from tests.chunk_runs import STEPS, small_runs
 from tests.runs import planned
 from tests.tape import Tapes, be_a_device, without_c
 
@@ -144,6 +144,27 @@ def test_repeated_chunks_are_looked_at_one_later(
     assert outcome.status == "diverged"
     assert str(outcome.reason).endswith(f"after {took[-1]} updates")
     assert took[-1] - took[2] == 2 * STEPS * 8 // 4
+
+
+@pytest.mark.parametrize(
+    ("channel", "starts", "most"),
+    [("links:0", 10_000, 100), ("links:0", 0, 100), ("links:0", 0, STEPS - 1), ("delay:1", 0, 100)],
+    ids=["before learning", "first of its pattern", "short of a stop", "through a channel"],
+)
+def test_steps_that_no_recording_repeats_are_looked_at(
+    channel: str, starts: int, most: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """On a GPU, too, and not only for a row of the log: one chunk late, as repeated ones."""
+    be_a_device(monkeypatch)
+    [run, _] = small_runs("dcc", replay_start_env_steps=starts)
+    through = replace(run.spec.training, channel=channel)
+    training, tapes = Training([replace(run.spec, training=through)]), Tapes()
+    training.begin()
+    training.sums[-1].fill_(NAN)
+    chunks = Chunks(training, tapes, STEPS)
+    while not training.odd and training.env_steps < 100 * 8:
+        chunks.advance(most)
+    assert (training.env_steps, tapes.tapes) == (2 * STEPS * 8, [])
 
 
 def test_large_numbers_are_finite() -> None:

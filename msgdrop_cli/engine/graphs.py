@@ -79,17 +79,29 @@ class Chunks:
         self._recorded: dict[Pattern, Callable[[], None]] = {}
         self._games: Games | None = None
         self._sent: tuple[Callable[[], Tensor], int] | None = None
+        self._unseen = 0
+        """Steps since the last look at the numbers."""
         self._clock = torch.zeros((), dtype=torch.long, device=training.streams.device)
 
     def advance(self, most: int) -> None:
         """Advance by a chunk, if `most` steps allow it and learning has begun, or by one step."""
-        training = self._training
+        training, recorder = self._training, self._recorder
+        if recorder is None:
+            training.advance()  # sees for itself whether the numbers are finite
+            return
         starts = training.learner.config.replay_start_env_steps
         # What a channel remembers changes its place at every step, which no recording knows.
-        recorder = None if training.lost else self._recorder
-        if recorder is None or most < self._steps or training.env_steps < starts:
+        if training.lost or most < self._steps or training.env_steps < starts:
             training.advance()
-            return
+            self._unseen += 1
+        else:
+            self._advance_by_a_chunk(recorder)
+            self._unseen += self._steps
+        if self._unseen >= self._steps:
+            self._unseen = 0
+            self._look(recorder)
+
+    def _advance_by_a_chunk(self, recorder: Recorder) -> None:
         pattern = self._pattern()
         if pattern not in self._drawn:
             self._drawn[pattern] = self._numbers_of_a_chunk()
@@ -98,10 +110,9 @@ class Chunks:
             if pattern not in self._recorded:
                 self._recorded[pattern] = recorder.record(self._play)
             self._recorded[pattern]()
-        self._look(recorder)
 
     def _look(self, recorder: Recorder) -> None:
-        """See whether the numbers were finite after the chunk before, not after this one.
+        """See whether the numbers were finite at the look before, not now: a chunk's steps ago.
 
         So the host is ahead of the GPU by one launch, never by none or a hundred.
         """
