@@ -44,6 +44,7 @@ def reading(word: Word, *readings: str) -> Reading:
         lost=1,
         evidence=None,
         prospect=None,
+        unforeseen="",
         margin=1.0,
         runs=("01234567",),
     )

@@ -71,6 +71,7 @@ def test_what_is_published_is_told(made: Made) -> None:
     }
     for line in told:
         assert line["decides"]["seeds"] == 10  # at 6 no p is small enough
+        assert line["decides"]["unforeseen"] == "below 3 seeds there is no forecast"
         assert line["decides"]["runs"] == 16
         assert line["decides"]["seconds"] > 0.0
 

@@ -5,9 +5,10 @@ import re
 from dataclasses import replace
 from html.parser import HTMLParser
 
+from msgdrop_cli.analysis.reproduction import Decides
 from msgdrop_cli.definition.readings import all_readings
 from msgdrop_cli.definition.statements import parse_register, read_register
-from msgdrop_cli.report.page.content import Picture
+from msgdrop_cli.report.page.content import Picture, decides
 from msgdrop_cli.report.page.elements import Html, el
 from msgdrop_cli.report.page.html import LARGEST, html
 from msgdrop_cli.report.page.markdown import markdown
@@ -108,6 +109,19 @@ def test_the_document_is_json() -> None:
     [first, *_] = document["sections"][0]["lines"]
     assert first["readings"][0]["difference"] == 2.5
     assert first["decides"]["runs"] == 6
+
+
+def test_a_look_that_may_well_not_decide_says_so_before_its_price() -> None:
+    """Else the hopeless claims look cheapest."""
+    way = Decides(
+        seeds=14, forecast=False, registered=True, runs=8, seconds=1740.0, source="measured",
+        unforeseen="as it stands 100 seeds would probably not decide",
+    )  # fmt: skip
+    assert decides(way) == (
+        "as it stands 100 seeds would probably not decide; next look, 14 seeds: 8 runs more, "
+        "29 min here"
+    )
+    assert decides(replace(way, runs=0)).startswith(f"{way.unforeseen}; 14 seeds, all trained")
 
 
 def test_an_attribute_that_is_not_there_is_left_out() -> None:

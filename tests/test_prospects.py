@@ -60,3 +60,5 @@ def test_an_open_claim_says_what_would_decide_it_or_why_nobody_knows(
     verdict = verdict_on(arms(tmp_path, better, [50] * len(differences)), rule=SHIPPED)
     assert verdict.verdict == "undecided"
     assert f"first registered look at 6 seeds{why}" in verdict.reason
+    assert bool(verdict.prospect) != bool(verdict.unforeseen)
+    assert verdict.prospect or why == f"; {verdict.unforeseen}"

@@ -41,6 +41,7 @@ def reading(
         lost=0,
         evidence=LOOK if look else None,
         prospect=None,
+        unforeseen="",
         margin=None,
         runs=(),
     )

@@ -1,6 +1,7 @@
 """The claims of one family judged together, as their question has registered it."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 from msgdrop_cli.analysis.e_process import Anytime, anytime
 from msgdrop_cli.analysis.intervals import ALPHA, flip_interval, mean_interval
@@ -43,7 +44,9 @@ def judge_family(pairs: Sequence[Pair], rule: Registration | None) -> list[Verdi
         ahead = prospect(pair, reached, rule, len(pairs)) if word == "undecided" else None
         stopped = anytime(pair.first, rule.sides)
         reason = "; ".join(_reasons(pair, word, evidence, rule, ahead, stopped))
-        verdicts.append(_verdict(pair, word, reason, stopped, evidence, ahead))
+        unforeseen = no_forecast(pair, rule) if word == "undecided" and not ahead else ""
+        verdict = _verdict(pair, word, reason, stopped, evidence, ahead)
+        verdicts.append(replace(verdict, unforeseen=unforeseen))
     return verdicts
 
 

@@ -43,6 +43,8 @@ class Reading:
     """Of these with a run that failed or diverged, which counts as the worst value."""
     evidence: Evidence | None
     prospect: Prospect | None
+    unforeseen: str
+    """Why there is none of an open claim that is judged."""
     margin: float | None
     """What is called level: a difference surely within it; None if nothing is."""
     runs: tuple[str, ...]
@@ -65,6 +67,8 @@ class Decides:
     """What that assumes, in words."""
     family: bool = False
     """Whether its look has come, and it waits for claims of its family: runs of all of them."""
+    unforeseen: str = ""
+    """Why so many may well not decide it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -234,6 +238,7 @@ def _reading(verdict: Verdict, group: Group, answer: Answer) -> Reading:
         lost=verdict.lost,
         evidence=verdict.evidence,
         prospect=verdict.prospect,
+        unforeseen=verdict.unforeseen,
         margin=rule.margin.get(claim.metric) if rule else None,
         runs=tuple(run.run_id for arm in arms for run in arm.done),
     )

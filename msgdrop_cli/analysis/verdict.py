@@ -61,3 +61,5 @@ class Verdict:
     """What holds of seeds 1 to n whoever stopped there; it decides nothing. None without any."""
     prospect: Prospect | None = None
     """What would probably decide it, if it is open."""
+    unforeseen: str = ""
+    """Why nothing is known that would, if it is open and judged."""

@@ -214,6 +214,7 @@ class _Guide:
             seconds=spent.likely,
             source=source,
             family=waits,
+            unforeseen=shown.unforeseen if shown and not waits else "",
         )
 
     def _planned(self, scale: Scale, environment: str, variant: str) -> PlannedRun:

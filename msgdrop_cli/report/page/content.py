@@ -185,14 +185,15 @@ def duration(seconds: float) -> str:
 
 
 def decides(way: Decides | None) -> str:
-    """What would decide a claim, and what it costs here."""
+    """What would decide a claim, and what it costs here; before that, why it may well not."""
     if way is None:
         return ""
+    doubt = f"{way.unforeseen}; " if way.unforeseen else ""
     if not way.runs:
-        return f"{way.seeds} seeds, all trained: an evaluation"
+        return f"{doubt}{way.seeds} seeds, all trained: an evaluation"
     beyond = "" if way.registered else ", beyond the registered looks"
     sure = f"about {way.seeds} seeds" if way.forecast else f"next look, {way.seeds} seeds"
     if way.family:
         sure = f"its whole family at {way.seeds} seeds"
     plural = "" if way.runs == 1 else "s"
-    return f"{sure}{beyond}: {way.runs} run{plural} more, {duration(way.seconds)} here"
+    return f"{doubt}{sure}{beyond}: {way.runs} run{plural} more, {duration(way.seconds)} here"
