@@ -120,6 +120,7 @@ def page(text: str = "Dropout helps", words: tuple[Word, ...] = ()) -> Page:
         readings={"huber": text},
         makers=(maker,),
         dropped=(Dropped(what="failed", name=text, runs=1, reason=text),),
+        altered=(text,),
         folder=text,
         origin=text,
         version="1",

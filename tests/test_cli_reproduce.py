@@ -1,5 +1,6 @@
 """`msgdrop reproduce`: from records to the page, as people type it."""
 
+import gzip
 import json
 import shlex
 import shutil
@@ -70,10 +71,25 @@ def test_what_is_published_is_told(made: Made) -> None:
         "waterworld-n8",
     }
     for line in told:
-        assert line["decides"]["seeds"] == 10  # at 6 no p is small enough
         assert line["decides"]["unforeseen"] == "below 3 seeds there is no forecast"
+        assert line["decides"]["seeds"] == 10  # at 6 no p is small enough
         assert line["decides"]["runs"] == 16
         assert line["decides"]["seconds"] > 0.0
+
+
+def test_published_files_that_were_changed_are_told(tmp_path: Path, made: Made) -> None:
+    """On stderr and on the page, with what to type; the exit code is that of the numbers."""
+    assert "SHA256SUMS" not in made.said.err
+    assert made.document["altered"] == []
+    study = tmp_path / "results" / "published" / STUDIES[0]
+    shutil.copytree(ROOT / "results" / "published" / STUDIES[0], study)
+    changed = next(study.rglob("metrics.jsonl.gz"))
+    changed.write_bytes(gzip.compress(gzip.decompress(changed.read_bytes()), mtime=1))
+    said = msgdrop("reproduce", tmp_path / "results")
+    sentence = f"1 file in {study} differs from its SHA256SUMS: msgdrop verify {study}"
+    assert (said.code, " ".join(said.err.split()).count(sentence)) == (0, 1)
+    for kind in ("html", "md", "json"):
+        assert sentence in (tmp_path / "results" / f"reproduce.{kind}").read_text()
 
 
 def test_failed_runs_are_named_with_their_reason(made: Made) -> None:

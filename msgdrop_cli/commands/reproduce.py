@@ -54,6 +54,8 @@ def reproduce(
         raise DefinitionError("--budget: of what? it is the time that --train may take")
     code = _train(results, budget, workers, device) if train else 0
     page, paths = _written(results, workers, device, may_be_empty=train)
+    for altered in page.altered:
+        console.note(altered)
     for each in page.dropped:
         if each.what == "unreadable":
             console.note(each.reason)

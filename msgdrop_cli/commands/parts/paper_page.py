@@ -1,8 +1,9 @@
 """Puts the page together: runs, verdicts, what would decide them, figures, tables."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from functools import partial
+from os.path import lexists
 from pathlib import Path
 
 from msgdrop_cli import __version__
@@ -13,10 +14,14 @@ from msgdrop_cli.commands.parts.answers import Answers, find_answers
 from msgdrop_cli.commands.parts.estimate import check_folder
 from msgdrop_cli.commands.parts.train_missing import Means, train_missing
 from msgdrop_cli.commands.parts.ways import wanted_runs, with_ways
+from msgdrop_cli.commands.parts.words import several
 from msgdrop_cli.definition.figures import all_figures
 from msgdrop_cli.definition.load import list_definitions, load_definition
 from msgdrop_cli.definition.readings import all_readings
 from msgdrop_cli.definition.statements import read_register
+from msgdrop_cli.errors import RecordError
+from msgdrop_cli.records.store import RunRecord
+from msgdrop_cli.records.sums import SUMS, differences
 from msgdrop_cli.report.figures import draw_all, file_stem
 from msgdrop_cli.report.page.content import Page, Picture, with_few_colours
 from msgdrop_cli.report.table import Table, channels_table, results_table
@@ -63,11 +68,29 @@ def paper_page(root: Path, *, workers: int, device: str) -> Page:
         readings={name: each.says for name, each in all_readings().items()},
         makers=makers(answers.records),
         dropped=_dropped(answers),
+        altered=_altered((*answers.records, *answers.others)),
         folder=str(root),
         origin=origin([record for record in answers.records if record.status == "done"]),
         version=__version__,
         commit=commit(),
     )
+
+
+def _altered(records: Iterable[RunRecord]) -> tuple[str, ...]:
+    """Of the published folders that the runs lie in those that their own list denies."""
+    places = {folder for record in records for folder in record.path.parents}
+    found = []
+    for folder in sorted(place for place in places if lexists(place / SUMS)):
+        try:
+            count = len([*differences(folder)])
+        except RecordError as error:
+            found.append(f"{error}: msgdrop verify {folder}")
+            continue
+        if count:
+            files = several(count, "file")
+            differ = "differs" if count == 1 else "differ"
+            found.append(f"{files} in {folder} {differ} from its {SUMS}: msgdrop verify {folder}")
+    return tuple(found)
 
 
 def _told(root: Path) -> tuple[Answers, tuple[Section, ...]]:

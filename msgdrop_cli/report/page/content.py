@@ -60,6 +60,8 @@ class Page:
     """What each registered reading says."""
     makers: tuple[Maker, ...]
     dropped: tuple[Dropped, ...]
+    altered: tuple[str, ...]
+    """Of published files that differ from the list beside them, in words."""
     folder: str
     """Where the records are."""
     origin: str
@@ -103,6 +105,7 @@ class Page:
             "msgdrop": self.version,
             "commit": self.commit,
             "records": self.folder,
+            "altered": list(self.altered),
             "origin": self.origin,
             "counts": self.counts,
             "counts_under_other_readings": self.under_readings(),

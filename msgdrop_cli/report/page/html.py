@@ -76,6 +76,7 @@ def _header(page: Page) -> Html:
         el("p", "msgdrop reproduce", class_="eyebrow"),
         el("h1", _TITLE),
         el("p", lede + also, class_="lede"),
+        *(el("p", each, class_="warn") for each in page.altered),
         _counts(page),
         el("form", el("label", "Find ", el("input", type="search", id="find", autocomplete="off",
            placeholder="navigation learns, l. 528, md-0.5, nearest …")),

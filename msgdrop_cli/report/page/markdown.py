@@ -23,10 +23,20 @@ _HEADERS = (
 
 def markdown(page: Page) -> bytes:
     """The whole file."""
-    tables = [_counts(page), _overview(page), *map(_claims, page.sections)]
+    altered = [_altered(page)] if page.altered else []
+    tables = [*altered, _counts(page), _overview(page), *map(_claims, page.sections)]
     tables += [_unclaimed(page), _deviations(page), _dropped(page), _makers(page)]
     head = f"# Message-Dropout, claim by claim\n\n{PAPER}.\n"
     return "\n".join([head, *map(to_markdown, tables)]).encode()
+
+
+def _altered(page: Page) -> Table:
+    return Table(
+        title="Published files that differ from the list beside them",
+        headers=("where",),
+        rows=tuple((each,) for each in page.altered),
+        caption="",
+    )
 
 
 def _counts(page: Page) -> Table:
