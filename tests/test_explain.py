@@ -9,6 +9,7 @@ from typing import get_args
 import pytest
 
 from msgdrop_cli.analysis.verdict import Word
+from msgdrop_cli.app import COMMANDS
 from msgdrop_cli.commands import explain
 from msgdrop_cli.commands.parts import console
 from msgdrop_cli.commands.parts.question_keys import question_keys
@@ -117,6 +118,33 @@ def test_variants_and_profiles_are_explained_question_by_question() -> None:
 def test_a_word_may_be_spelled_as_it_is_met(typed: str) -> None:
     """In tables, in JSON, at the beginning of a sentence."""
     assert told(typed) == told("not run")
+
+
+@pytest.mark.parametrize(
+    ("typed", "said"),
+    [
+        ("message dropout", "message-dropout: word"),
+        ("broken links", "broken-links: question"),
+        ("alpha spent", "registration.alpha_spent: key"),
+        ("Holm", "family or holm: word, docs/verdicts.md The claims of one game"),
+        ("family", "judged together"),
+        ("look", "look: word, docs/verdicts.md A number of seeds at which"),
+        ("seed", "Arms of one seed meet the same games"),
+        ("margin", "registration.margin: key"),
+        ("checkpoint", "Exact resume"),
+        ("cohort", "Which runs train stacked"),
+    ],
+)
+def test_words_of_the_program_are_explained(typed: str, said: str) -> None:
+    """Several typed without quotes are one name; each is told from the page that defines it."""
+    found = msgdrop("explain", *typed.split())
+    assert (found.code, said in " ".join(found.out.split())) == (0, True), found
+
+
+def test_every_command_is_explained_and_points_to_its_help() -> None:
+    """`msgdrop explain ablate` is what a newcomer types first."""
+    for name in COMMANDS:
+        assert f"{name}: command, msgdrop {name} --help" in told(name)
 
 
 def test_a_learner_is_explained_with_its_settings_and_the_paper() -> None:

@@ -12,6 +12,7 @@ from typing import NamedTuple
 import pytest
 
 import msgdrop_cli
+from msgdrop_cli.definition.pages import METRICS, VERDICTS
 from tests.cli_runs import ROOT, Said
 
 pytestmark = pytest.mark.slow
@@ -87,14 +88,17 @@ def test_it_has_all_questions_and_kernels(built: Built) -> None:
         for path in (ROOT / root / package).rglob("*"):
             if path.suffix in {".toml", ".c", ".h", ".html", ".css", ".js"}:
                 assert path.relative_to(ROOT / root).as_posix() in shipped
-    assert {"msgdrop_cli/PAPER.md", "msgdrop_cli/docs/metrics.md"} <= shipped
+    assert {
+        "msgdrop_cli/PAPER.md",
+        *(f"msgdrop_cli/{each}" for each in (METRICS, VERDICTS)),
+    } <= shipped
     assert "wall_time_s: metric" in run(built, "explain", "wall_time_s").out
 
 
 def test_the_sdist_can_be_built_and_tested(built: Built) -> None:
     """With its tests and pins; the published numbers stay in the repository."""
     wanted = {
-        *("pyproject.toml", "constraints.txt", "Makefile", "PAPER.md", "docs/metrics.md"),
+        *("pyproject.toml", "constraints.txt", "Makefile", "PAPER.md", METRICS, VERDICTS),
         "tests/test_wheel.py",
     }
     assert wanted <= set(built.sdist)

@@ -21,13 +21,13 @@ app = typer.Typer()
     )
 )
 def explain(
-    name: Annotated[
-        str | None,
+    words: Annotated[
+        list[str] | None,
         typer.Argument(
             metavar="[NAME]",
-            help="A word that msgdrop uses: an algorithm, a game, a setting, a question, a figure,"
-            " a reading, a verdict; `toml` for all keys of a question's file; leave it out to list"
-            " what there is.",
+            help="One or more words that msgdrop uses: an algorithm, a game, a setting, a question,"
+            " a figure, a reading, a verdict, a command; `toml` for all keys of a question's file;"
+            " leave it out to list what there is.",
             autocompletion=completion.topics,
         ),
     ] = None,
@@ -35,8 +35,9 @@ def explain(
 ) -> int:
     """Say what a name means, with its settings, their defaults and the line of the paper."""
     known = topics()
-    if name is None:
+    if not words:
         return _list(known, json)
+    name = " ".join(words)
     found = [topic for topic in known if spelled(name) in map(spelled, topic.calls)]
     if not found:
         close = near(name.lower()[:64], [each for topic in known for each in topic.calls])

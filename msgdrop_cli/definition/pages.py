@@ -7,6 +7,7 @@ from pathlib import Path
 import msgdrop_cli
 
 METRICS = "docs/metrics.md"
+VERDICTS = "docs/verdicts.md"
 PAPER = "PAPER.md"
 
 

@@ -14,6 +14,7 @@ from msgdrop_cli.commands.parts.question_keys import Key, question_file, questio
 from msgdrop_cli.commands.parts.sources import Module, notation
 from msgdrop_cli.commands.parts.topic import Fact, Topic, sentence
 from msgdrop_cli.commands.parts.vocabulary import Section
+from msgdrop_cli.commands.parts.word_topics import command_topics, word_topics
 from msgdrop_cli.definition.channel import LINKS, NAMED, WORDS, Channel
 from msgdrop_cli.definition.pages import METRICS, page, rows
 from msgdrop_cli.definition.shipped import PAPER, shipped_file
@@ -52,6 +53,8 @@ def topics() -> list[Topic]:
         *asked_topics(keys),
         Topic("file", ("toml",), "a question with every key", question_file(keys)),
         *map(_key, keys),
+        *command_topics(),
+        *word_topics(),
     ]
 
 
