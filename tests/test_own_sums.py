@@ -4,6 +4,7 @@ import os
 import random
 import subprocess
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -96,9 +97,9 @@ def test_a_crash_at_any_write_leaves_a_run_that_its_list_knows(
         patch.setattr(own_sums, "write_bytes_atomic", crashing)
         with pytest.raises(RecordError, match="crash"):
             write_listed(run / EPISODES, content)
-    assert [*run_differences(run)] == []
+    assert run_differences(run) == []
     write_listed(run / EPISODES, content)
-    assert [*run_differences(run)] == []
+    assert run_differences(run) == []
     assert len((run / RUN_SUMS).read_text().splitlines()) == 4
 
 
@@ -115,11 +116,9 @@ def test_a_look_beside_an_evaluation_is_no_alarm(
             write_listed(run / EPISODES, content)
         return reading(path)
 
-    monkeypatch.setattr(
-        "msgdrop_cli.records.own_sums.read_bytes", lambda path: noted(path, read_bytes)
-    )
-    monkeypatch.setattr("msgdrop_cli.records.own_sums.digest", lambda path: noted(path, digest))
-    assert [*run_differences(run)] == []
+    monkeypatch.setattr(f"{own_sums.__name__}.read_bytes", partial(noted, read_bytes))
+    monkeypatch.setattr(f"{own_sums.__name__}.digest", partial(noted, digest))
+    assert run_differences(run) == []
     assert len(looks) >= 5
 
 
@@ -139,7 +138,7 @@ def test_a_run_that_is_no_longer_done_has_no_list(run: Path) -> None:
     set_status(run, "interrupted")
     assert not (run / RUN_SUMS).exists()
     set_status(run, "done")
-    assert [*run_differences(run)] == []
+    assert run_differences(run) == []
 
 
 def test_carried_runs_are_listed(run: Path, tmp_path: Path) -> None:
