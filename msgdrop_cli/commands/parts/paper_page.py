@@ -1,6 +1,6 @@
 """Puts the page together: runs, verdicts, what would decide them, figures, tables."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 from os.path import lexists
@@ -20,7 +20,6 @@ from msgdrop_cli.definition.load import list_definitions, load_definition
 from msgdrop_cli.definition.readings import all_readings
 from msgdrop_cli.definition.statements import read_register
 from msgdrop_cli.errors import RecordError
-from msgdrop_cli.records.store import RunRecord
 from msgdrop_cli.records.sums import SUMS, differences
 from msgdrop_cli.report.figures import draw_all, file_stem
 from msgdrop_cli.report.page.content import Page, Picture, with_few_colours
@@ -68,7 +67,7 @@ def paper_page(root: Path, *, workers: int, device: str) -> Page:
         readings={name: each.says for name, each in all_readings().items()},
         makers=makers(answers.records),
         dropped=_dropped(answers),
-        altered=_altered((*answers.records, *answers.others)),
+        altered=_altered(answers),
         folder=str(root),
         origin=origin([record for record in answers.records if record.status == "done"]),
         version=__version__,
@@ -76,9 +75,11 @@ def paper_page(root: Path, *, workers: int, device: str) -> Page:
     )
 
 
-def _altered(records: Iterable[RunRecord]) -> tuple[str, ...]:
+def _altered(answers: Answers) -> tuple[str, ...]:
     """Of the published folders that the runs lie in those that their own list denies."""
-    places = {folder for record in records for folder in record.path.parents}
+    runs = [record.path for copies in answers.copies.values() for record in copies]
+    runs += [each.path for each in answers.unreadable]
+    places = {folder for run in runs for folder in run.parents}
     found = []
     for folder in sorted(place for place in places if lexists(place / SUMS)):
         try:
