@@ -76,6 +76,14 @@ def test_own_runs_say_more_of_this_machine_than_published_ones(tmp_path: Path) -
     assert of(run, published)._took(run, "c-dcc") == [Took(48.0, False, False)]
 
 
+def test_an_own_run_without_a_speed_hides_no_published_one(tmp_path: Path) -> None:
+    """One of less than a second says nothing."""
+    run = tiny.planned()
+    published = finished(tmp_path / "published" / "a-quick", run)
+    short = finished(tmp_path / "runs", run, wall_time_s=0.5)
+    assert of(run, published, short)._took(run, "c-dcc") == [Took(48.0, False, False)]
+
+
 @pytest.mark.parametrize(
     ("speeds", "expected"),
     [

@@ -133,9 +133,9 @@ class Paces:
             for record, work in self._finished
             if work == wanted and made_by.items() <= record.run.items() and record.env_steps
         ]
-        nearest = [record for record in alike if record.is_own] or alike
-        took = [each for record in nearest if (each := _took_by(record, self.device))]
-        return [each for each in took if each.by_cpu] or took
+        took = [each for record in alike if (each := _took_by(record, self.device))]
+        nearest = [each for each in took if each.is_own] or took
+        return [each for each in nearest if each.by_cpu] or nearest
 
 
 def pace_of(speeds: Sequence[float], sizes: Sizes) -> Spent:
