@@ -15,6 +15,7 @@ from msgdrop_cli.definition.plan import plan
 from msgdrop_cli.definition.run_id import spec_from_dict
 from msgdrop_cli.definition.spec import Registration
 from msgdrop_cli.errors import RecordError
+from msgdrop_cli.records.counted import preferred
 from msgdrop_cli.records.files import append_jsonl
 from msgdrop_cli.records.store import (
     RunRecord,
@@ -185,6 +186,15 @@ def test_of_two_copies_the_finished_one_is_found(tmp_path: Path) -> None:
     done = set_status(created(published).path, "done", env_steps=5)
     set_status(created(again).path, "interrupted", env_steps=4)
     assert find_run(tmp_path, RUNS[0].run_id) == done
+
+
+def test_the_copy_that_is_found_is_the_one_that_counts(tmp_path: Path) -> None:
+    """What diverged has ended, and is not gone on with where another copy has come further."""
+    lost, longer = created(tmp_path / "a"), created(tmp_path / "b")
+    lost = set_status(lost.path, "diverged", "NaN", env_steps=5)
+    longer = set_status(longer.path, "interrupted", env_steps=9)
+    assert preferred([longer, lost]) == [lost, longer]
+    assert find_run(tmp_path, lost.run_id) == lost
 
 
 def test_logs_are_read_with_the_record(tmp_path: Path) -> None:

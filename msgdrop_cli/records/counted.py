@@ -6,11 +6,18 @@ from pathlib import Path
 from msgdrop_cli.errors import RecordError
 from msgdrop_cli.records.folders import run_folders
 from msgdrop_cli.records.packed import log_bytes
-from msgdrop_cli.records.store import EPISODES, POLICY, RUNS, RunRecord, list_runs
+from msgdrop_cli.records.store import (
+    ENDED,
+    EPISODES,
+    POLICY,
+    RUNS,
+    RunRecord,
+    list_runs,
+    standing,
+)
 
 PUBLISHED = "published"
 """The folder of what is published in a results folder; only `publish` writes there."""
-_ENDED = ("diverged", "done")
 
 
 def preferred(copies: Iterable[RunRecord], question: str = "") -> list[RunRecord]:
@@ -35,7 +42,7 @@ def copies_of(root: Path, run_ids: Container[str]) -> dict[str, list[RunRecord]]
     found = {run_id: _read(paths) for run_id, paths in _folders(root / RUNS, run_ids).items()}
     for run_id, paths in _folders(root / PUBLISHED, run_ids).items():
         own = found.setdefault(run_id, [])
-        if not any(record.status in _ENDED for record in own):
+        if not any(record.status in ENDED for record in own):
             own += _sound(paths)
     return {
         run_id: [record for record in records if record.run_id == run_id]
@@ -45,8 +52,7 @@ def copies_of(root: Path, run_ids: Container[str]) -> dict[str, list[RunRecord]]
 
 def _rank(record: RunRecord, question: str) -> tuple[int, ...]:
     if record.is_own:
-        ended = record.status in _ENDED
-        return 3 if ended else 1, record.status == "done", record.env_steps
+        return 3 if record.status in ENDED else 1, *standing(record)
     if record.status != "done":
         return (0,)
     has_policy = (record.path / POLICY).is_file()

@@ -37,6 +37,8 @@ FACTS = (
     *("host", "device", "threads", "kernel", "metrics", "pretraining", "node"),
 )
 """What the engine knows about a run beside its plan."""
+ENDED = ("diverged", "done")
+"""Statuses that no training changes any more."""
 _LONGEST_REASON = 500
 
 
@@ -192,7 +194,7 @@ def list_runs(root: Path) -> list[RunRecord]:
 
 
 def find_run(root: Path, run_id: str) -> RunRecord | None:
-    """The run with this id in or below `root`; of several, a finished or else the longest one.
+    """The run with this id in or below `root`; of several, the one whose `standing` is highest.
 
     Raises RecordError if its record is damaged; damage of other runs does not matter here.
     """
@@ -203,7 +205,12 @@ def find_run(root: Path, run_id: str) -> RunRecord | None:
         return None
     folders = [path for path in run_folders(root).runs if path.name.endswith(f"-{run_id}")]
     found = [record for record in map(_record, folders) if record.run_id == run_id]
-    return max(found, key=lambda record: (record.status == "done", record.env_steps), default=None)
+    return max(found, key=standing, default=None)
+
+
+def standing(record: RunRecord) -> tuple[bool, bool, int]:
+    """Which of our own copies of a run counts: one that has ended, best done, else the longest."""
+    return record.status in ENDED, record.status == "done", record.env_steps
 
 
 def create_run(path: Path, planned: PlannedRun, facts: Mapping[str, Any]) -> RunRecord:

@@ -145,7 +145,7 @@ def _train(
         Watched(
             run_id=run.run_id,
             name=run_name(run.spec.environment, run.label, run.spec.seed),
-            path=_place(looked_up, run, options.results),
+            path=looked_up.place(run, options.results),
             train_env_steps=run.spec.training.train_env_steps,
             env_steps=looked_up.env_steps(run),
         )
@@ -246,11 +246,6 @@ def as_planned(record: RunRecord, planned: PlannedRun) -> RunRecord:
         "profile": planned.profile,
     }
     return RunRecord(record.path, record.run | names, record.derived)
-
-
-def _place(looked_up: Survey, run: PlannedRun, root: Path) -> Path:
-    record = looked_up.records.get(run.run_id)
-    return record.path if record else run_path(root, run)
 
 
 def _figures_of(asked: Plan, options: TrainOptions) -> str:

@@ -13,7 +13,7 @@ from msgdrop_cli.definition.plan import Plan
 from msgdrop_cli.definition.spec import PlannedRun
 from msgdrop_cli.errors import RecordError
 from msgdrop_cli.records.counted import copies_of, preferred
-from msgdrop_cli.records.store import POLICY, RunRecord
+from msgdrop_cli.records.store import ENDED, POLICY, RunRecord, run_path
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -41,7 +41,7 @@ class Survey:
     @property
     def pending(self) -> tuple[PlannedRun, ...]:
         """The runs to be trained: neither finished nor diverged, which they would do again."""
-        return tuple(run for run in self.runs if self.status(run) not in ("done", "diverged"))
+        return tuple(run for run in self.runs if self.status(run) not in ENDED)
 
     @property
     def resumable(self) -> tuple[PlannedRun, ...]:
@@ -65,6 +65,11 @@ class Survey:
     def env_steps_left(self, run: PlannedRun) -> int:
         """Env steps that the run has before it."""
         return max(0, run.spec.training.train_env_steps - self.env_steps(run))
+
+    def place(self, run: PlannedRun, root: Path) -> Path:
+        """Where the run is, or would be trained in the results folder `root`."""
+        record = self.records.get(run.run_id)
+        return record.path if record else run_path(root, run)
 
     def status(self, run: PlannedRun) -> str:
         """The status word of the run's record; planned without one."""

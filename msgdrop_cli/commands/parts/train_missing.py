@@ -18,7 +18,7 @@ from msgdrop_cli.commands.parts.estimate import (
     cohorts,
     estimate,
 )
-from msgdrop_cli.commands.parts.progress import Watch, Watched
+from msgdrop_cli.commands.parts.progress import Watch, Watched, run_name
 from msgdrop_cli.commands.parts.survey import Survey, Wanted, survey
 from msgdrop_cli.commands.parts.words import duration, several
 from msgdrop_cli.definition.channel import Channel
@@ -26,7 +26,7 @@ from msgdrop_cli.definition.spec import PlannedRun
 from msgdrop_cli.definition.strict import shown
 from msgdrop_cli.errors import DefinitionError
 from msgdrop_cli.records.ours import delete_leftovers
-from msgdrop_cli.records.store import RunRecord, run_path
+from msgdrop_cli.records.store import RunRecord
 from msgdrop_cli.scheduler import Task, run_tasks
 from msgdrop_cli.stopping import Stopped, graceful_stop
 
@@ -92,8 +92,8 @@ def train_missing(
     watched = [
         Watched(
             run_id=each.run.run_id,
-            name=f"{each.run.spec.environment}, {each.run.label}, seed {each.run.spec.seed}",
-            path=_place(each.run, looked_up, root),
+            name=run_name(each.run.spec.environment, each.run.label, each.run.spec.seed),
+            path=looked_up.place(each.run, root),
             train_env_steps=each.run.spec.training.train_env_steps,
             env_steps=looked_up.env_steps(each.run),
         )
@@ -150,8 +150,3 @@ def _cost(
     check_memory(cost.memory_bytes, means.device)
     check_folder(root, cost.disk_bytes)
     return cost
-
-
-def _place(run: PlannedRun, looked_up: Survey, root: Path) -> Path:
-    record = looked_up.records.get(run.run_id)
-    return record.path if record else run_path(root, run)
