@@ -20,13 +20,13 @@ def forecast(root: Path, differences: list[int], rule: Registration) -> Prospect
 
 def test_a_large_effect_waits_for_a_look_that_can_decide(tmp_path: Path) -> None:
     """Six seeds cannot have a p of 0.015: the forecast is ten, six more runs of each arm."""
-    assert forecast(tmp_path, [9, 10, 11, 10], SHIPPED) == Prospect(10, True, 12.0)
+    assert forecast(tmp_path, [9, 10, 11, 10], SHIPPED) == Prospect(10, True)
 
 
 def test_a_look_that_can_decide_is_enough(tmp_path: Path) -> None:
     """Where six seeds may spend 0.04 they are the forecast."""
     rule = replace(AT_SIX, margin={})
-    assert forecast(tmp_path, [9, 10, 11, 10], rule) == Prospect(6, True, 4.0)
+    assert forecast(tmp_path, [9, 10, 11, 10], rule) == Prospect(6, True)
 
 
 @pytest.mark.parametrize("differences", [[9, 10], [0, 0, 0], [10, -10, 9, -9, 1]])
@@ -40,25 +40,24 @@ def test_more_seeds_than_are_registered(tmp_path: Path) -> None:
     found = forecast(tmp_path, [12, -8, 9, -5, 6], SHIPPED)
     assert found is not None
     assert (found.seeds > 20, found.registered) == (True, False)
-    assert found.training_s == 2.0 * (found.seeds - 5)
 
 
 @pytest.mark.parametrize(
     ("differences", "why"),
     [
-        ([9, 10], "; below 3 seeds there is no forecast"),
-        ([5, 5, 5], "; all seeds differ alike, so there is no forecast"),
-        ([10, -10, 9, -9, 1], "; as it stands 100 seeds would probably not decide"),
-        ([9, 10, 11, 10], "; 10 would probably decide (about 1 min of training)"),
+        ([9, 10], "below 3 seeds there is no forecast"),
+        ([5, 5, 5], "all seeds differ alike, so there is no forecast"),
+        ([10, -10, 9, -9, 1], "as it stands 100 seeds would probably not decide"),
+        ([9, 10, 11, 10], "10 would probably decide"),
     ],
 )
 def test_an_open_claim_says_what_would_decide_it_or_why_nobody_knows(
     tmp_path: Path, differences: list[int], why: str
 ) -> None:
-    """Before the first look as after it."""
+    """Before the first look as after it; how long that takes, its estimate beside it says."""
     better = [50 + each for each in differences]
     verdict = verdict_on(arms(tmp_path, better, [50] * len(differences)), rule=SHIPPED)
     assert verdict.verdict == "undecided"
-    assert f"first registered look at 6 seeds{why}" in verdict.reason
+    assert verdict.reason.split("; ")[:2] == ["first registered look at 6 seeds", why]
     assert bool(verdict.prospect) != bool(verdict.unforeseen)
-    assert verdict.prospect or why == f"; {verdict.unforeseen}"
+    assert verdict.prospect or why == verdict.unforeseen

@@ -182,7 +182,5 @@ def _next_look(pair: Pair, rule: Registration) -> str:
 
 
 def _in_words(ahead: Prospect, rule: Registration) -> str:
-    hours = ahead.training_s / 3600.0
-    cost = f"{hours:.1f} h" if hours >= 1.0 else f"{max(1.0, ahead.training_s / 60.0):.0f} min"
     beyond = "" if ahead.registered else f", more than the {rule.looks[-1]} that are registered"
-    return f"{ahead.seeds} would probably decide{beyond} (about {cost} of training)"
+    return f"{ahead.seeds} would probably decide{beyond}"

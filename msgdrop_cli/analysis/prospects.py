@@ -1,16 +1,15 @@
-"""What would probably decide a claim that is open: at how many seeds, and for how much training.
+"""What would probably decide a claim that is open: at how many seeds.
 
 A forecast from what was seen: it decides nothing, so it may use the normal distribution.
 """
 
 import math
-from collections.abc import Sequence
 from statistics import NormalDist, stdev
 from typing import NamedTuple
 
 from msgdrop_cli.analysis.pairs import Pair
 from msgdrop_cli.analysis.sign_flips import smallest_p
-from msgdrop_cli.analysis.statistics import mean, total
+from msgdrop_cli.analysis.statistics import mean
 from msgdrop_cli.definition.spec import Registration
 
 _FEWEST = 3
@@ -25,8 +24,6 @@ class Prospect(NamedTuple):
     seeds: int
     """A registered look, or more seeds than the last one has."""
     registered: bool
-    training_s: float
-    """One after the other, as long as the runs that are there took."""
 
 
 def prospect(pair: Pair, look: int, rule: Registration, family: int) -> Prospect | None:
@@ -46,12 +43,12 @@ def prospect(pair: Pair, look: int, rule: Registration, family: int) -> Prospect
         if smallest_p(seeds, rule.sides) <= share and effect * math.sqrt(seeds) >= _far(
             share / rule.sides / family
         ):
-            return Prospect(seeds, True, _training_s(pair, seeds))
+            return Prospect(seeds, True)
     last = rule.looks[-1]
     seeds = math.ceil((_far(rule.alpha / rule.sides / family) / max(effect, 1e-9)) ** 2)
     if seeds > _IN_REACH * last:
         return None
-    return Prospect(max(seeds, last + 1), False, _training_s(pair, max(seeds, last + 1)))
+    return Prospect(max(seeds, last + 1), False)
 
 
 def no_forecast(pair: Pair, rule: Registration) -> str:
@@ -67,15 +64,3 @@ def no_forecast(pair: Pair, rule: Registration) -> str:
 def _far(share: float) -> float:
     """How many standard errors a difference must have to be as rare on one side."""
     return NormalDist().inv_cdf(1.0 - share) if share > 0.0 else math.inf
-
-
-def _training_s(pair: Pair, seeds: int) -> float:
-    return total(
-        (seeds - len(arm.done)) * _mean_s([run.run["wall_time_s"] for run in arm.done])
-        for arm in (pair.better, pair.worse)
-        if len(arm.done) < seeds
-    )
-
-
-def _mean_s(times: Sequence[float]) -> float:
-    return mean(times) if times else 0.0
