@@ -55,6 +55,29 @@ def test_two_runs_are_a_pair_whatever_their_seeds(root: Path) -> None:
     assert found["curves_differ_most"] == [500, -48.0]
 
 
+def test_one_pair_says_that_it_has_no_interval(root: Path) -> None:
+    """As other tables do, with a dash; and it is a pair, not pairs."""
+    one = next((root / "runs" / "pursuit-n6").glob("dcc-s1-*"))
+    other = next((root / "runs" / "pursuit-n6").glob("md-0.2-s5-*"))
+    said = msgdrop("diff", one, other, "--results", root).out
+    assert "+9 [\u2013]" in said
+    assert "1 pair, " in said
+    assert "one pair has no interval" in said
+
+
+def test_a_commit_is_shown_by_its_first_digits(tmp_path: Path) -> None:
+    """A pipe wraps no line, and two whole ones would make 100 characters; programs get them all."""
+    commits = [f"{digit * 12}{'0' * 28}" for digit in "ab"]
+    sides = [
+        write_run(tmp_path, name, 1, commit=f"{commit}{more}").path
+        for name, commit, more in zip(("dcc", "md-0.2"), commits, ("", "+"), strict=True)
+    ]
+    said = msgdrop("diff", *sides, "--results", tmp_path).out
+    assert ["commit", "a" * 12, "b" * 12 + "+"] in [line.split() for line in said.splitlines()]
+    [found] = json.loads(msgdrop("diff", *sides, "--results", tmp_path, "--json").out)
+    assert found["made_with"]["commit"] == [commits[0], f"{commits[1]}+"]
+
+
 def test_a_run_and_itself_differ_in_nothing(root: Path) -> None:
     """And the terminal says so in words."""
     one = next((root / "runs" / "pursuit-n6").glob("dcc-s1-*"))

@@ -1,5 +1,6 @@
 """`msgdrop diff`: two runs or two variants side by side."""
 
+import re
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -16,6 +17,7 @@ if TYPE_CHECKING:
     from msgdrop_cli.analysis.summary import Group
 
 app = typer.Typer()
+_COMMIT = re.compile(r"^([0-9a-f]{12})[0-9a-f]+")
 _Side = Annotated[str, typer.Argument(help="A variant, a run id, or a folder of runs.")]
 
 
@@ -77,14 +79,14 @@ def _side(text: str, root: Path) -> dict["Group", list[RunRecord]]:
 
 
 def _show(title: str, found: "Comparison") -> None:
-    from msgdrop_cli.analysis.comparison import in_words
     from msgdrop_cli.report.table import Table
 
     for name, differing in (("setting", found.settings), ("made with", found.made_with)):
         if differing:
             headers = (name, "first", "second")
             rows = tuple(
-                (each.name, in_words(each.one), in_words(each.other)) for each in differing
+                (each.name, _shortly(each.name, each.one), _shortly(each.name, each.other))
+                for each in differing
             )
             console.table(
                 Table(title=title, headers=headers, rows=rows, caption=""),
@@ -97,18 +99,25 @@ def _show(title: str, found: "Comparison") -> None:
         (each.channel.short, each.metric.replace("_", " "), _in_words(each))
         for each in found.evaluations
     ]
-    pairs = " or ".join(map(str, sorted({each.pairs for each in found.evaluations}))) or "no"
     console.table(
         Table(
             title="after training, second minus first",
             headers=("through", "metric", "difference [95%]"),
             rows=tuple(rows_of),
-            caption=f"{pairs} pairs, {found.episodes:,} episodes a run; below six pairs the lowest"
-            " and the highest; the interval is of each row alone.",
+            caption=_pairs(found),
         ),
         numbers_from=2,
     )
     console.result(_of_curves(found))
+
+
+def _shortly(name: str, values: Sequence[Any]) -> str:
+    """What a side says of a fact; of a commit the first digits, and its `+` for changed files."""
+    from msgdrop_cli.analysis.comparison import in_words
+
+    if name == "commit":
+        values = [_COMMIT.sub(r"\1", str(each)) for each in values]
+    return in_words(values)
 
 
 def _of_curves(found: "Comparison") -> str:
@@ -118,9 +127,22 @@ def _of_curves(found: "Comparison") -> str:
     return f"curves: differ most at {most[0]:,} env steps, by {most[1]:+.4g} {metric}"
 
 
+def _pairs(found: "Comparison") -> str:
+    counts = sorted({each.pairs for each in found.evaluations})
+    pairs = " or ".join(map(str, counts)) or "no"
+    if counts == [1]:
+        return f"1 pair, {found.episodes:,} episodes a run; one pair has no interval."
+    return (
+        f"{pairs} pairs, {found.episodes:,} episodes a run; below six pairs the lowest"
+        " and the highest; the interval is of each row alone."
+    )
+
+
 def _in_words(each: "Difference") -> str:
-    between = f" [{each.interval.low:.3g}, {each.interval.high:.3g}]" if each.interval else ""
-    return f"{each.mean:+.3g}{between}"
+    from msgdrop_cli.report.table import NOTHING
+
+    ends = f"{each.interval.low:.3g}, {each.interval.high:.3g}" if each.interval else NOTHING
+    return f"{each.mean:+.3g} [{ends}]"
 
 
 def _json(group: "Group", found: "Comparison") -> dict[str, Any]:
