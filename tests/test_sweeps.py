@@ -3,6 +3,8 @@
 import csv
 import io
 import json
+import re
+import shutil
 from pathlib import Path
 
 import pytest
@@ -84,7 +86,8 @@ def test_a_sweep_goes_from_the_command_line_to_the_figure(store: Store, tmp_path
     asked = ("--sweep", "loss:0..1:3", "--episodes", "8", "--workers", "1")
     said = msgdrop("unstable-test", copy.results, *asked)
     assert said.code == 0, said.err
-    for words in ("loss:0..1:3, pursuit-n6", "loss 0.5", "below FDC from"):
+    told = ("8 episodes a seed and setting", "(random)", "(scripted)", "that learn nothing")
+    for words in ("loss:0..1:3, pursuit-n6", "loss 0.5", "below FDC from", *told):
         assert words in " ".join(said.out.split())
     figure, numbers = (Path(line.split()[1]) for line in said.out.splitlines() if "wrote" in line)
     assert figure.read_bytes().startswith(b"\x89PNG")
@@ -164,3 +167,22 @@ def test_a_small_range_keeps_its_settings() -> None:
     found = Sweep.read("noise:0..1e-30:3", "--sweep")
     assert found.values == (0.0, 5e-31, 1e-30)
     assert len(set(found.channels)) == 3
+
+
+def test_one_published_seed_is_shown_as_such(store: Store, tmp_path: Path) -> None:
+    """A dash for its spread as in every table, and whose runs they are."""
+    copy = tmp_path / "results" / "published" / "study" / "pursuit-n6"
+    for record in list_runs(store.results):
+        if record.seed == 1:
+            shutil.copytree(record.path, copy / record.path.name)
+    asked = ("--sweep", "loss:0..1:2", "--episodes", "4", "--workers", "1")
+    said = msgdrop("unstable-test", copy.parent, *asked)
+    assert said.code == 0, said.err
+    rows = {line.split()[0]: line.split() for line in said.out.splitlines() if "[" in line}
+    assert rows["DCC-MD"][-2:] == ["[\u2013]", "\u2013"]
+    assert rows["DCC"][-1] == "[\u2013]"
+    assert "2 of 2 runs published: study (2)" in " ".join(said.out.split())
+    [drawn] = (tmp_path / "results").rglob("*sweep*.svg")
+    below = " ".join(re.findall("<!-- (.*?) -->", drawn.read_text()))
+    for words in ("4 episodes a seed", "2 of 2 runs published: study (2)", "that learn nothing"):
+        assert words in below

@@ -14,9 +14,10 @@ from msgdrop_cli.report.drawn import Drawn
 from msgdrop_cli.report.figures import file_stem
 from msgdrop_cli.report.looks import shown_arms
 from msgdrop_cli.report.marks import end, label_ends, measure_axis
+from msgdrop_cli.report.reference_lines import reference_lines
 from msgdrop_cli.report.settings import own_settings
 from msgdrop_cli.report.style import AXES, INK, LABEL, QUIET, Size, canvas
-from msgdrop_cli.report.table import NOTHING, Table
+from msgdrop_cli.report.table import NOTHING, Table, reference_rows, references_note
 from msgdrop_cli.report.write import Folder
 
 _WIDTH, _RIGHT = AXES.width - 0.65, 1.65
@@ -32,12 +33,16 @@ def sweep_table(summary: Summary, group: Group, sweep: Sweep, swept: Sequence[Sw
             each.arm.label,
             str(len(each.areas)),
             *(f"{each.rows[place].mean:.1f}" for place in shown),
-            f"{each.area:.1f} [{min(each.areas.values()):.1f}, {max(each.areas.values()):.1f}]",
+            f"{each.area:.1f} {_ends([f'{area:.1f}' for area in sorted(each.areas.values())])}",
             _fall(each),
         )
         for each in swept
     ]
-    episodes = swept[0].rows[0].episodes if swept else 0
+    columns = [(metric.name, sweep.channels[place]) for place in shown]
+    references = summary.references_of(group)
+    # They use no links, so what they get at one setting is what they get over the range.
+    rows += reference_rows(references, [*columns, columns[0], (None, sweep.channels[0])])
+    origin = summary.origin_of(group)
     return Table(
         title=f"{sweep.text}, {scale(group)}",
         headers=(
@@ -47,18 +52,29 @@ def sweep_table(summary: Summary, group: Group, sweep: Sweep, swept: Sequence[Sw
             "below FDC from [seeds]",
         ),
         rows=tuple(rows),
-        caption=f"{metric.label} = {metric.formula}; {played_how(sweep.channels)}, {episodes:,} "
-        "episodes a seed and setting. In brackets: the lowest and the highest seed; FDC's is its "
-        "own seed's.",
+        caption=f"{metric.label} = {metric.formula}; {played_how(sweep.channels)}, "
+        f"{_episodes(swept)}. [seeds]: the lowest and the highest, {NOTHING} of one; "
+        f"FDC's is its own seed's.{f' {origin}.' if origin else ''}{references_note(references)}",
     )
 
 
 def _fall(swept: Swept) -> str:
     if swept.fall is None:
         return NOTHING
-    ends = sorted(swept.falls.values())
-    between = f" [{_place(ends[0])}, {_place(ends[-1])}]" if ends else ""
-    return _place(swept.fall) + between
+    ends = [_place(fall) for fall in sorted(swept.falls.values())]
+    return f"{_place(swept.fall)} {_ends(ends)}".rstrip()
+
+
+def _ends(seeds: Sequence[str]) -> str:
+    """`[low, high]` of sorted seeds; of a single one a dash, as in every table."""
+    if len(seeds) == 1:
+        return f"[{NOTHING}]"
+    return f"[{seeds[0]}, {seeds[-1]}]" if seeds else ""
+
+
+def _episodes(swept: Sequence[Swept]) -> str:
+    count = swept[0].rows[0].episodes if swept else 0
+    return f"{count:,} episodes a seed and setting"
 
 
 def _place(value: float) -> str:
@@ -79,22 +95,23 @@ def draw_sweep(summary: Summary, group: Group, sweep: Sweep, swept: Sequence[Swe
     """Each arm's headline against the setting: the mean of the seeds, and every seed as a dot."""
     metric = summary.metrics(group.environment).headline
     looks = {id(each.arm): each for each in shown_arms(summary, group)}
+    values = [seed for each in swept for row in each.rows for seed in row.by_seed.values()]
+    lines = reference_lines(summary, group, metric, values)
     below = footer(
         summary,
         group,
         [each.arm for each in swept],
         f"{metric.label} = {metric.formula}; {played_how(sweep.channels)}, the same policies "
-        "and games at each setting. Lines: mean over seeds. Dots: seeds. Ticks below: where a "
-        "mean falls below FDC's.",
+        f"and games at each setting, {_episodes(swept)}. Lines: mean over seeds. Dots: seeds. "
+        f"Ticks below: where a mean falls below FDC's.{lines.note}",
     )
     ends = [
         end(shown.label, each.rows[-1].mean, shown.look.colour, shown.look.marker)
         for each in swept
         for shown in [looks[id(each.arm)]]
-    ]
+    ] + lines.ends
     size = Size(_WIDTH, max(AXES.height, total(each.height for each in ends)))
     figure, axes = canvas(f"{sweep.text}, {scale(group)}", below, size=size, right=_RIGHT)
-    values = []
     for each in swept:
         look = looks[id(each.arm)].look
         means = [row.mean for row in each.rows]
@@ -105,7 +122,6 @@ def draw_sweep(summary: Summary, group: Group, sweep: Sweep, swept: Sequence[Swe
         for place, row in zip(sweep.values, each.rows, strict=True):
             seeds = list(row.by_seed.values())
             axes.scatter([place] * len(seeds), seeds, s=7, color=look.colour, alpha=0.45, zorder=2)
-            values += seeds
         if each.fall is not None and each.fall != NEVER:
             top = axes.get_xaxis_transform()
             axes.plot([each.fall] * 2, [0, 0.035], color=look.colour, transform=top, linewidth=2)
@@ -113,6 +129,7 @@ def draw_sweep(summary: Summary, group: Group, sweep: Sweep, swept: Sequence[Swe
     axes.set_xlabel(sweep.name, fontsize=LABEL, color=INK)
     axes.tick_params(colors=QUIET)
     measure_axis(axes, metric, values)
+    lines.draw(axes)
     label_ends(axes, ends)
     return Drawn(
         figure=figure,

@@ -50,7 +50,7 @@ def results_table(summary: Summary, group: Group, channel: Channel = NONE_BROKEN
     ]
     references = summary.references_of(group)
     columns = (metrics.headline.name, None, None, *(each.name for each in others))
-    rows += _reference_rows(references, [(name, channel) for name in columns])
+    rows += reference_rows(references, [(name, channel) for name in columns])
     shown = [row for arm in arms for row in arm.rows if row.channel == channel]
     evaluation = (
         f"{_first(shown)}{shown[0].episodes:,} {'' if channel.epsilon else 'greedy '}evaluation "
@@ -72,7 +72,7 @@ def results_table(summary: Summary, group: Group, channel: Channel = NONE_BROKEN
         rows=tuple(rows),
         caption=f"{_about(summary, group)}; {evaluation}. {_headline_note(metrics.headline)}"
         + _ERRORS
-        + _references_note(references),
+        + references_note(references),
     )
 
 
@@ -93,7 +93,7 @@ def channels_table(summary: Summary, group: Group) -> Table:
         for arm in arms
     ]
     references = summary.references_of(group)
-    rows += _reference_rows(references, [(headline.name, each) for each in channels])
+    rows += reference_rows(references, [(headline.name, each) for each in channels])
     headers = ("variant", "seeds", *(each.short for each in channels))
     if len(channels) >= MANY:
         headers, *rows = zip(headers, *rows, strict=True)
@@ -106,7 +106,7 @@ def channels_table(summary: Summary, group: Group) -> Table:
         headers=headers,
         rows=tuple(rows),
         caption=f"{headline.label} [95% interval]; {about}. {_headline_note(headline)}"
-        + _references_note(references),
+        + references_note(references),
     )
 
 
@@ -165,7 +165,7 @@ def reference_label(name: str) -> str:
     return f"({name})"
 
 
-def _reference_rows(
+def reference_rows(
     references: References | None, columns: Sequence[tuple[str | None, Channel]]
 ) -> list[tuple[str, ...]]:
     """A row for each policy: its name, no seeds, and for each column its metric (None: a dash).
@@ -184,7 +184,7 @@ def _reference_rows(
     return rows
 
 
-def _references_note(references: References | None) -> str:
+def references_note(references: References | None) -> str:
     """Who the reference policies are."""
     if references is None:
         return ""

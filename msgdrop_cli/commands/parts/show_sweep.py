@@ -2,11 +2,13 @@
 
 import math
 from contextlib import ExitStack
+from dataclasses import replace
 from pathlib import Path
 
 from msgdrop_cli.analysis.summary import Group, summarise
 from msgdrop_cli.analysis.sweeps import Swept, sweep_arms
 from msgdrop_cli.commands.parts import console
+from msgdrop_cli.commands.parts.find_references import references_of
 from msgdrop_cli.commands.parts.play_missing import evaluated, measurable_runs
 from msgdrop_cli.commands.parts.words import several
 from msgdrop_cli.definition.sweep import Sweep
@@ -29,7 +31,8 @@ def show_sweep(
         records, exit_code = evaluated(
             runs, sweep.channels, episodes, device=device, workers=workers, keep=keep
         )
-        summary = summarise(records, episodes=episodes)
+        measured = summarise(records, references=references_of(records, results), episodes=episodes)
+    summary = replace(measured, tells_origin=True)
     folder = figures_folder(results, "unstable-test")
     shown: list[tuple[Group, list[Swept]]] = []
     say = console.note if as_json else console.result
