@@ -82,6 +82,38 @@ def test_the_line_of_the_paper_is_named() -> None:
     assert shown()["training.games"]["source"] == "ours"
 
 
+@pytest.mark.parametrize(
+    ("setting", "origin", "source"),
+    [
+        (
+            "algorithm.epsilon_anneal_env_steps",
+            "ours: half of dropout-rate.toml: profiles.two-million.training",
+            "instead of 2000000 (l. 753)",
+        ),
+        (
+            "algorithm.rate",
+            'dropout-rate.toml: variants."md-0.5".algorithm',
+            "instead of 0.2 (paper l. 173)",
+        ),
+        ("algorithm.gamma", "--set: algorithm", "instead of 0.99 (l. 753, printed as lambda)"),
+    ],
+)
+def test_a_line_of_the_paper_is_given_for_no_other_value(
+    setting: str, origin: str, source: str
+) -> None:
+    """What a profile, a variant or --set says instead, and what follows from it, is not there."""
+    asked = ("--variant", "md-0.5", "--profile", "two-million", "--set", "algorithm.gamma=0.9")
+    row = shown("dropout-rate", *asked)[setting]
+    assert (row["origin"], row["source"]) == (origin, source)
+
+
+def test_a_long_training_explores_as_the_paper_says() -> None:
+    """Half of it would be longer, so nothing is derived."""
+    asked = ("--env", "navigation-n8", "--profile", "million")
+    row = shown(*asked)["algorithm.epsilon_anneal_env_steps"]
+    assert (row["value"], row["origin"]) == (400_000, "paper settings of navigation-n8: algorithm")
+
+
 def test_origins_are_shown_when_asked_for() -> None:
     """Otherwise what the settings mean."""
     assert "algorithm.gamma=0.99" in msgdrop("config", "show").out

@@ -10,7 +10,7 @@ from msgdrop_cli.commands.parts.typed import as_typed
 from msgdrop_cli.commands.train import PROFILES, check_profile
 from msgdrop_cli.definition.load import load_definition
 from msgdrop_cli.definition.plan import ad_hoc_definition, plan
-from msgdrop_cli.definition.spec import Definition, record_name
+from msgdrop_cli.definition.spec import Definition, RunSpec, record_name
 from msgdrop_cli.errors import DefinitionError, nearest
 
 app = typer.Typer()
@@ -108,7 +108,7 @@ def _rows(
     readings: list[str] | None,
 ) -> list[dict[str, Any]]:
     """A row a setting of the one run that is meant; loads torch."""
-    from msgdrop_cli.definition.origins import DEFAULT, origins
+    from msgdrop_cli.definition.origins import DEFAULT, origins, papers_spec
     from msgdrop_cli.engine.offers import catalogue
 
     known, scale = catalogue(), options.chosen_profile(definition, profile)
@@ -120,23 +120,39 @@ def _rows(
     [run, *_] = [each for each in runs if (each.spec.environment, each.variant) == (game, arm)]
     console.note(f"as {run.label} on {run.spec.environment} has them, profile {run.profile}\n")
     told = origins(run, definition, scale, known, overrides=changes, readings=others)
-    configs = {
-        "training": run.spec.training,
-        "algorithm": run.spec.algorithm_config,
-        "environment": run.spec.environment_config,
-    }
+    configs = _configs(run.spec)
+    papers = _configs(papers_spec(run, definition, scale, known))
     learner = str(definition.variants[run.variant].algorithm["name"])
     return [
         {
             "setting": f"{section.name}.{s.key}",
             "value": getattr(configs[section.name], s.key),
             "origin": told.get(f"{section.name}.{s.key}", DEFAULT),
-            "source": s.source,
+            "source": _source(
+                s, getattr(configs[section.name], s.key), getattr(papers[section.name], s.key)
+            ),
             "meaning": s.meaning,
         }
         for section in vocabulary.sections(run.spec.environment, learner)
         for s in section.settings
     ]
+
+
+def _configs(spec: RunSpec) -> dict[str, Any]:
+    """The settings by the section of their paths."""
+    return {
+        "training": spec.training,
+        "algorithm": spec.algorithm_config,
+        "environment": spec.environment_config,
+    }
+
+
+def _source(setting: sources.Setting, value: Any, papers: Any) -> str:
+    """Where the paper has a value; one that the run has not is named beside it."""
+    if value == papers:
+        return setting.source
+    by = f" ({setting.source})" if setting.source else ""
+    return f"instead of {sources.notation(papers)}{by}"
 
 
 def _one_of(option: str, asked: str | None, there: Sequence[str]) -> str:

@@ -1,12 +1,13 @@
 """Where the settings of a planned run got their values: the last layer that names them."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 from msgdrop_cli.definition.catalogue import Catalogue
 from msgdrop_cli.definition.overrides import parse_override
-from msgdrop_cli.definition.plan import Resolver
+from msgdrop_cli.definition.plan import EXPLORING, Resolver
 from msgdrop_cli.definition.readings import as_overrides
-from msgdrop_cli.definition.spec import Definition, PlannedRun
+from msgdrop_cli.definition.spec import Definition, PlannedRun, RunSpec
 
 DEFAULT = "default"
 """Of what no layer names."""
@@ -31,4 +32,30 @@ def origins(
     )
     resolver = Resolver(definition, profile, run.profile, catalogue, changes)
     resolver.run(run.spec.environment, run.variant, run.spec.seed)
-    return {path: str(where) for path, where in resolver.origins.items()}
+    told = {path: str(where) for path, where in resolver.origins.items()}
+    derived = f"algorithm.{EXPLORING}"
+    if derived in told and resolver.origins[derived].keys[-1:] == ("training",):
+        told[derived] = f"ours: half of {told[derived]}"
+    return told
+
+
+def papers_spec(
+    run: PlannedRun, definition: Definition, profile: str, catalogue: Catalogue
+) -> RunSpec:
+    """The run as the paper's settings and its algorithm's name alone would have it."""
+    arm = definition.variants[run.variant]
+    bare = replace(
+        definition,
+        variants={
+            run.variant: replace(
+                arm, training={}, environment={}, algorithm={"name": arm.algorithm["name"]}
+            )
+        },
+        profiles={
+            profile: replace(
+                definition.profiles[profile], training={}, environment={}, algorithm={}
+            )
+        },
+    )
+    resolver = Resolver(bare, profile, profile, catalogue, ())
+    return resolver.run(run.spec.environment, run.variant, run.spec.seed).spec

@@ -40,7 +40,7 @@ from msgdrop_cli.errors import DefinitionError, nearest
 
 AD_HOC = "msgdrop train"
 """The file that a question is of which no file asks."""
-_EPSILON = "epsilon_anneal_env_steps"
+EXPLORING = "epsilon_anneal_env_steps"
 """The field of a learner that explores less and less."""
 _MOST_SEEDS = 1_000
 _LARGEST_SEED = 2**31 - 1
@@ -271,9 +271,9 @@ class Resolver:
         place = Where(self.definition.file).at("profiles").at(self.profile).at("training")
         scale = self.definition.profiles[self.profile].training
         steps = parse(TrainingSpec, scale, place).get("train_env_steps")
-        if steps is None or not hasattr(paper, _EPSILON):
+        if steps is None or not hasattr(paper, EXPLORING):
             return place, {}
-        return place, {_EPSILON: min(steps // 2, getattr(paper, _EPSILON))}
+        return place, {EXPLORING: steps // 2} if steps // 2 < getattr(paper, EXPLORING) else {}
 
     def _resolved(
         self, cls: type[Any], section: str, variant: str, paper: list[tuple[Where, Any]]
