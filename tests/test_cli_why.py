@@ -1,7 +1,8 @@
 """`status --why`: what keeps runs from being finished and up to date, and what to type."""
 
 import json
-from collections.abc import Callable
+import shlex
+from collections.abc import Callable, Sequence
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -9,10 +10,12 @@ from typing import Any
 import pytest
 
 from msgdrop_cli.commands.parts import why
+from msgdrop_cli.commands.parts.options import TrainOptions
 from msgdrop_cli.definition.load import load_definition
 from msgdrop_cli.definition.plan import plan
 from msgdrop_cli.definition.readings import all_readings, apart, under
 from msgdrop_cli.definition.run_id import spec_to_dict
+from msgdrop_cli.definition.spec import Definition, PlannedRun
 from msgdrop_cli.engine.offers import catalogue
 from msgdrop_cli.records.files import run_lock
 from msgdrop_cli.records.planned import plan_run
@@ -120,10 +123,68 @@ def test_missing_evaluations_are_named(tmp_path: Path) -> None:
     )
 
 
-def test_questions_of_ones_own_are_named_as_files() -> None:
-    """Which file it was is not recorded; its name is."""
-    found = only(published(status="planned", definition="mine"))
+def test_questions_of_ones_own_are_named_as_files(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Which file it was is not recorded; its name is, and where such files lie."""
+    monkeypatch.chdir(tmp_path)
+    record = published(status="planned", definition="mine")
+    found = only(record)
     assert found.command.startswith("msgdrop ablate PATH/mine.toml ")
+    assert found.lacks == "PATH, the folder of mine.toml: no record has it"
+    (tmp_path / "ablations").mkdir()
+    (tmp_path / "ablations" / "mine.toml").touch()
+    found = only(record)
+    assert found.command.startswith("msgdrop ablate ablations/mine.toml ")
+    assert found.lacks == ""
+
+
+@pytest.mark.parametrize(
+    "typed",
+    [
+        "--env navigation-n8 --algorithm dcc --profile quick --steps 2000 --seeds 2,3",
+        "--profile quick --set training.train_env_steps=3000 --seed 1",
+        "--rate 0.3 --profile million --set algorithm.f_units=[8,8] --seed 1",
+        "--profile paper --set environment.capture_reward_once=true --seed 5",
+        "--channel delay:2 --profile quick --seed 1",
+    ],
+)
+def test_the_command_of_train_plans_the_same_runs(
+    typed: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Its record has every setting, so it can be typed."""
+    monkeypatch.chdir(tmp_path)
+    asked = planned_by(monkeypatch, ["train", *typed.split()])
+    for run in asked:
+        plan_run(run_path(Path("results"), run), run)
+    found = only(*list_runs(Path("results")))
+    again = planned_by(monkeypatch, shlex.split(found.command)[1:])
+    assert [run.run_id for run in again] == [run.run_id for run in asked]
+
+
+def planned_by(monkeypatch: pytest.MonkeyPatch, arguments: Sequence[str]) -> Sequence[PlannedRun]:
+    """What a command line would train."""
+    found: list[PlannedRun] = []
+
+    def planned(question: Definition, given: TrainOptions) -> int:
+        changes, seeds = given.overrides, given.seeds
+        found.extend(
+            plan(question, given.profile, catalogue(), overrides=changes, seeds=seeds).runs
+        )
+        return 0
+
+    monkeypatch.setattr("msgdrop_cli.commands.parts.carry_out.carry_out", planned)
+    assert msgdrop(*arguments).code == 0
+    return found
+
+
+def test_a_train_stands_by_itself() -> None:
+    """One command cannot ask for two games or algorithms, as that of a question does."""
+    arms = [
+        published(status="planned", definition="train", variant=name) for name in ("dcc", "fdc")
+    ]
+    found = why.reasons(arms, catalogue())
+    assert ["--algorithm dcc" in each.command for each in found] == [True, False]
 
 
 def test_readings_are_asked_for_again() -> None:

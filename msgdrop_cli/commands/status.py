@@ -87,6 +87,7 @@ def _show_why(records: Sequence[RunRecord], *, as_json: bool) -> int:
                     "status": why.word,
                     "reason": why.reason,
                     "command": why.command or None,
+                    "lacks": why.lacks or None,
                     "time": takes or None,
                     "paths": [str(record.path) for record in why.records],
                 }
@@ -98,7 +99,7 @@ def _show_why(records: Sequence[RunRecord], *, as_json: bool) -> int:
         first = why.records[0]
         heading = f"{several(len(why.records), 'run')} of {first.definition}, {first.profile}"
         rows = {why.word: heading, "why": why.reason, "runs": _shortly(why.records)}
-        rows |= {"type": why.command, "time": takes}
+        rows |= {"type": why.command, "put in": why.lacks, "time": takes}
         console.facts({name: said for name, said in rows.items() if said}, is_result=True)
         console.result("")
     finished = len(records) - sum(len(why.records) for why in found)

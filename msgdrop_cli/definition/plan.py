@@ -38,8 +38,8 @@ from msgdrop_cli.definition.spec import (
 from msgdrop_cli.definition.strict import Where, overlay, parse, shallow, shown, whole_number
 from msgdrop_cli.errors import DefinitionError, nearest
 
-AD_HOC = "msgdrop train"
-"""The file that a question is of which no file asks."""
+AD_HOC, AD_HOC_NAME = "msgdrop train", "train"
+"""The file and the name of a question of which no file asks."""
 EXPLORING = "epsilon_anneal_env_steps"
 """The field of a learner that explores less and less."""
 _MOST_SEEDS = 1_000
@@ -133,7 +133,7 @@ def ad_hoc_definition(
     if not algorithms or len(set(algorithms)) < len(algorithms):
         raise where.at("variants").error("expected at least one algorithm, each only once")
     return Definition(
-        name="train",
+        name=AD_HOC_NAME,
         file=where.file,
         title=f"Training on {environment}",
         question="What does training give?",

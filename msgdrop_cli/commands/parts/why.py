@@ -1,21 +1,18 @@
 """Why a run is not what its question asks for today, and which command makes it so."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass
-from os.path import relpath
-from pathlib import Path
-from shlex import quote
 from typing import Any
 
 from msgdrop_cli.analysis.labels import leaves
+from msgdrop_cli.commands.parts.once_more import once_more
 from msgdrop_cli.commands.parts.options import WORKERS
 from msgdrop_cli.commands.parts.paces import Paces
 from msgdrop_cli.commands.parts.words import about, several
 from msgdrop_cli.definition.catalogue import Catalogue
 from msgdrop_cli.definition.load import list_definitions, load_definition
-from msgdrop_cli.definition.overrides import SECTIONS
-from msgdrop_cli.definition.plan import Plan, plan
-from msgdrop_cli.definition.readings import all_readings, apart
+from msgdrop_cli.definition.plan import AD_HOC_NAME, Plan, plan
+from msgdrop_cli.definition.readings import apart
 from msgdrop_cli.definition.registration import registered_as
 from msgdrop_cli.definition.run_id import spec_from_dict, spec_to_dict
 from msgdrop_cli.definition.spec import PlannedRun
@@ -43,6 +40,8 @@ class Why:
     records: tuple[RunRecord, ...]
     command: str
     """What to type; empty where nothing helps."""
+    lacks: str = ""
+    """What has to be put into the command first, in words."""
 
     @property
     def is_to_be_trained(self) -> bool:
@@ -103,9 +102,10 @@ def reasons(records: Iterable[RunRecord], catalogue: Catalogue) -> list[Why]:
             continue
         word, reason = _why(record, asked)
         if word != _CURRENT and not (is_there and word == "incomplete"):
-            found.setdefault((word, reason, *_question(record)), []).append(record)
+            key = (word, reason, *_question(record), *_trained_alone(record))
+            found.setdefault(key, []).append(record)
     return [
-        Why(key[0], key[1], tuple(runs), "" if key[0] == "diverged" else _command(runs))
+        Why(key[0], key[1], tuple(runs), *(("",) if key[0] == "diverged" else once_more(runs)))
         for key, runs in found.items()
     ]
 
@@ -200,29 +200,13 @@ class _Asked:
         return self._plans[key]
 
 
+def _trained_alone(record: RunRecord) -> tuple[Any, ...]:
+    """What a `train` can ask for only one of; a question asks for all its arms at once."""
+    if record.definition != AD_HOC_NAME:
+        return ()
+    steps = record.setup.train_env_steps if record.setup else None
+    return record.environment, record.variant, steps
+
+
 def _question(record: RunRecord) -> tuple[str, str, tuple[str, ...]]:
     return record.definition, record.profile, record.overrides
-
-
-def _command(runs: Sequence[RunRecord]) -> str:
-    """What finishes these runs of one question; a question that is not shipped is your file."""
-    name, called, overrides = _question(runs[0])
-    if name == "train":
-        return "the same msgdrop train again"
-    shipped = name in list_definitions()
-    profile, readings = apart(called, load_definition(name).profiles if shipped else ())
-    known = all_readings()
-    read = {
-        f"{section}.{key}"
-        for reading in readings
-        for section in SECTIONS
-        for key in getattr(known[reading], section)
-    }
-    words = ["msgdrop", "ablate", name if shipped else f"PATH/{name}.toml", "--profile", profile]
-    words += [word for reading in readings for word in ("--reading", reading)]
-    words += [w for o in overrides if o.partition("=")[0] not in read for w in ("--set", o)]
-    seeds = ",".join(str(seed) for seed in sorted({run.seed for run in runs}))
-    words += ["--seeds", seeds] if "," in seeds else ["--seed", seeds]
-    if (home := home_of(runs[0].path).resolve()) != Path("results").resolve():
-        words += ["--results", relpath(home) if home.is_relative_to(Path.cwd()) else str(home)]
-    return " ".join(quote(word) for word in words)
