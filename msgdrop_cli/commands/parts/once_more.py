@@ -6,12 +6,12 @@ from pathlib import Path
 from shlex import quote
 from typing import NamedTuple
 
-from msgdrop_cli.commands.parts.find_references import home_of
 from msgdrop_cli.definition.load import list_definitions, load_definition
 from msgdrop_cli.definition.overrides import SECTIONS
 from msgdrop_cli.definition.plan import AD_HOC_NAME
 from msgdrop_cli.definition.readings import all_readings, apart
 from msgdrop_cli.records.store import RunRecord
+from msgdrop_cli.report.write import home_of
 
 _STEPS = "training.train_env_steps"
 _QUESTIONS = (".", "ablations")

@@ -22,7 +22,6 @@ from msgdrop_cli.records.files import LOCK
 from msgdrop_cli.records.holders import is_held, locked_files
 from msgdrop_cli.records.ours import CHECKPOINTS
 from msgdrop_cli.records.store import RunRecord
-from msgdrop_cli.report.write import home_of
 
 _CURRENT = ""
 _NEVER_AGAIN = "it would diverge again, and counts as the worst value"
