@@ -113,6 +113,21 @@ def test_published_runs_stand_apart(store: Store, tmp_path: Path) -> None:
     assert [line["own"] for line in lines] == [True] * 4 + [False] * 4
 
 
+def test_copies_of_a_run_are_counted_as_such(store: Store, tmp_path: Path) -> None:
+    """Two studies with the same four runs are eight runs and four: every command says both."""
+    folder = tmp_path / "results"
+    for study in ("one", "other"):
+        shutil.copytree(store.results / "runs", folder / "published" / study)
+    said = msgdrop("status", folder).out
+    assert "8 published runs, 4 distinct: 8 done" in said
+    assert "is counted in each of them" in said
+    assert "8 runs, 4 distinct beside that" in msgdrop("status", folder, "--why").out
+    assert (
+        "8 runs, 4 distinct, own and published: readable"
+        in msgdrop("doctor", "--results", folder).out
+    )
+
+
 def test_status_of_many_runs_has_a_row_for_each_arm(
     store: Store, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -12,7 +12,7 @@ import typer
 from msgdrop_cli.analysis.labels import with_overrides
 from msgdrop_cli.commands.parts import console, options
 from msgdrop_cli.commands.parts.listing import runs_in
-from msgdrop_cli.commands.parts.words import duration, several
+from msgdrop_cli.commands.parts.words import counted, duration, several
 from msgdrop_cli.records.store import PROGRESS, RunRecord
 
 app = typer.Typer()
@@ -24,6 +24,7 @@ _TEXT_COLUMNS = 4
 """The columns after them hold numbers."""
 _LABEL = 24
 """Letters of a label in the table, so that the status word has room beside it on 80 columns."""
+_COPIES = "A run that stands in several studies is counted in each of them."
 _MOST_ROWS = 100
 """Runs with a row each; of more a row says how many of an arm are how far."""
 _NAMED = 3
@@ -102,8 +103,9 @@ def _show_why(records: Sequence[RunRecord], *, as_json: bool) -> int:
         rows |= {"type": why.command, "put in": why.lacks, "time": takes}
         console.facts({name: said for name, said in rows.items() if said}, is_result=True)
         console.result("")
-    finished = len(records) - sum(len(why.records) for why in found)
-    console.result(f"{several(finished, 'run')} beside that: finished and up to date, or at work")
+    told = {record.path for why in found for record in why.records}
+    others = counted([record.run_id for record in records if record.path not in told])
+    console.result(f"{others} beside that, own and published: finished and up to date, or at work")
     return 0
 
 
@@ -124,8 +126,9 @@ def _show(
 
     words = [line["status"] for line in lines]
     counts = ", ".join(f"{words.count(word):,} {word}" for word in dict.fromkeys(words))
-    title = f"{several(len(lines), kind)}: {counts}"
-    table = Table(title=title, headers=headers, rows=tuple(rows), caption="")
+    runs = counted([line["run_id"] for line in lines], kind)
+    caption = _COPIES if "distinct" in runs else ""
+    table = Table(title=f"{runs}: {counts}", headers=headers, rows=tuple(rows), caption=caption)
     console.table(table, numbers_from=_TEXT_COLUMNS)
 
 

@@ -42,6 +42,13 @@ def several(count: int, word: str) -> str:
     return f"{count:,} {word}{'s' * (count != 1)}"
 
 
+def counted(run_ids: Sequence[str], word: str = "run") -> str:
+    """`4 runs`; `242 runs, 172 distinct` where copies of a run stand in several places."""
+    distinct = len(set(run_ids))
+    told = several(len(run_ids), word)
+    return told if distinct == len(run_ids) else f"{told}, {distinct:,} distinct"
+
+
 def channel(text: str, option: str) -> Channel:
     """`none`, `half`, `all`, 0.3, 30%, `kind:1,0.5` or `trace:FILE`, which is looked at.
 

@@ -7,7 +7,7 @@ import time
 from pathlib import Path
 
 from msgdrop_cli.commands.parts.doctor.check import Check, Found, existing, fine, mend, note
-from msgdrop_cli.commands.parts.words import several, size
+from msgdrop_cli.commands.parts.words import counted, several, size
 from msgdrop_cli.errors import RecordError
 from msgdrop_cli.records.files import LOCK, TEMPORARY, take_lock, write_bytes_atomic
 from msgdrop_cli.records.holders import is_held, locked_files
@@ -73,8 +73,9 @@ def _atomic(results: Path) -> Found:
 
 
 def _records(results: Path) -> Found:
-    records = _runs(results)
-    return fine(several(len(records), "run") + " readable")
+    """Own ones and published ones."""
+    runs = counted([record.run_id for record in _runs(results)])
+    return fine(f"{runs}, own and published: readable")
 
 
 def _at_work(results: Path) -> Found:
