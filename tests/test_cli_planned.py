@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from msgdrop_cli.commands import status
-from msgdrop_cli.commands.parts import carry_out
+from msgdrop_cli.commands.parts import carry_out, console
 from msgdrop_cli.errors import RecordError
 from msgdrop_cli.records.archive import pack
 from msgdrop_cli.records.files import run_lock
@@ -126,6 +126,21 @@ def test_copies_of_a_run_are_counted_as_such(store: Store, tmp_path: Path) -> No
         "8 runs, 4 distinct, own and published: readable"
         in msgdrop("doctor", "--results", folder).out
     )
+
+
+def test_in_sixty_columns_status_loses_no_column(
+    store: Store, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What is said once for many rows goes above them; no two rows look alike by that."""
+    copy = copied_store(store, tmp_path)
+    shutil.copytree(copy.results / "runs", copy.results / "published" / "tiny-quick")
+    monkeypatch.setattr(console, "_PIPED_WIDTH", 40)
+    own, published = msgdrop("status", copy.results).out.split("4 published runs")
+    assert "no room" not in own + published
+    rows = [line.split() for line in own.splitlines()]
+    assert rows.count(["quick", "done", "1", "200", "100%"]) == 2
+    assert "pursuit-n6, DCC-MD 0.2" in own.splitlines()
+    assert "tiny, pursuit-n6" in published.splitlines()
 
 
 def test_status_of_many_runs_has_a_row_for_each_arm(

@@ -22,6 +22,8 @@ _MANY_HEADERS = ("environment", "variant", "profile", "status", "runs", "env ste
 _PUBLISHED_HEADERS = ("question", "environment", "variant", "profile", "seeds", "env steps")
 _TEXT_COLUMNS = 4
 """The columns after them hold numbers."""
+_HEADINGS = 2
+"""Of them so many may stand above their rows, in a narrow terminal."""
 _LABEL = 24
 """Letters of a label in the table, so that the status word has room beside it on 80 columns."""
 _COPIES = "A run that stands in several studies is counted in each of them."
@@ -129,7 +131,7 @@ def _show(
     runs = counted([line["run_id"] for line in lines], kind)
     caption = _COPIES if "distinct" in runs else ""
     table = Table(title=f"{runs}: {counts}", headers=headers, rows=tuple(rows), caption=caption)
-    console.table(table, numbers_from=_TEXT_COLUMNS)
+    console.table(table, numbers_from=_TEXT_COLUMNS, headings=_HEADINGS)
 
 
 def _many(lines: Sequence[dict[str, Any]]) -> list[tuple[str, ...]]:

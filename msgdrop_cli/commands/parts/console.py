@@ -10,6 +10,7 @@ import sys
 import textwrap
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
+from itertools import groupby
 from typing import TYPE_CHECKING, Any, TextIO
 
 if TYPE_CHECKING:
@@ -87,42 +88,74 @@ def facts(rows: Mapping[str, str], *, is_result: bool = False) -> None:
             _print(sys.stderr, grid)
 
 
-def table(shown: "Table", *, numbers_from: int = 1) -> None:
+def table(shown: "Table", *, numbers_from: int = 1, headings: int = 0) -> None:
     """Show a table of results with its title and caption.
 
     numbers_from: the first column that holds numbers, which stand to the right. In a table of words
-    alone no column is left out for want of room: words go on in the next line.
+    alone no column is left out for want of room: words go on in the next line. headings: so many of
+    the first columns may stand as lines above their rows, where there is no room beside them.
     """
-    from rich import box
     from rich.padding import Padding
-    from rich.table import Table as RichTable
     from rich.text import Text
 
     console = _console(sys.stdout)
-    of_words = numbers_from >= len(shown.headers)
-    widths: list[Any] = [None] * len(shown.headers)  # rich's business
-    if not of_words:
-        widths = _widths(shown.headers, shown.rows, console.width)
+    above = 0
+    widths: Sequence[int | None] = [None] * len(shown.headers)  # rich's business
+    if numbers_from < len(shown.headers):
+        above, widths = _room(shown, headings, console.width)
+    beside = range(above, above + len(widths))
+    headers = shown.headers[above : beside.stop]
+    parts: list[Any] = ["", Text(shown.title, style="bold"), ""]
+    rows = [row[: beside.stop] for row in shown.rows]
+    if not above:
+        parts.append(_grid(headers, rows, widths, numbers_from))
+    else:
+        parts.append(_grid(headers, (), widths, numbers_from - above))
+        for names, alike in groupby(rows, key=lambda row: row[:above]):
+            below = [row[above:] for row in alike]
+            parts += [Text(", ".join(names)), _grid((), below, widths, numbers_from - above)]
+    if left_out := ", ".join(shown.headers[beside.stop :]):
+        parts.append(Text(f"(no room here for: {left_out})", style="dim"))
+    if shown.caption:
+        free = max(0, console.width - _TEXT_WIDTH)
+        parts.append(Padding(Text(shown.caption, style="dim"), (1, free, 0, 0)))
+    _print(sys.stdout, *parts)
+
+
+def _room(shown: "Table", headings: int, room: int) -> tuple[int, list[int]]:
+    """How many columns go above their rows so that all others fit, and the others' widths."""
+    for above in range(headings + 1):
+        rows = [row[above:] for row in shown.rows]
+        widths = _widths(shown.headers[above:], rows, room)
+        if len(widths) == len(shown.headers) - above:
+            break
+    return above, widths
+
+
+def _grid(
+    headers: Sequence[str], rows: Sequence[Sequence[str]], widths: Sequence[int | None], texts: int
+) -> "RichTable":
+    """Rows below their headers, or, without any, rows that go on below others."""
+    from rich import box
+    from rich.table import Table as RichTable
+    from rich.text import Text
+
     grid = RichTable(
         box=box.SIMPLE_HEAD,
         padding=(0, _GAP - 1, 0, 0),
         pad_edge=False,
         header_style="none",
         show_edge=False,
+        show_header=bool(headers),
     )
-    for number, header in enumerate(shown.headers[: len(widths)]):
-        side: Any = "left" if number < numbers_from else "right"
+    for number, width in enumerate(widths):
+        header = Text(headers[number] if headers else "")
+        side: Any = "left" if number < texts else "right"
         # Headers may be broken into lines, numbers never: half a number is a wrong one.
-        grid.add_column(Text(header), justify=side, width=widths[number], overflow="fold")
-    for row in shown.rows:
-        grid.add_row(*map(Text, row[: len(widths)]))
-    parts: list[Any] = ["", Text(shown.title, style="bold"), "", grid]
-    if left_out := ", ".join(shown.headers[len(widths) :]):
-        parts.append(Text(f"(no room here for: {left_out})", style="dim"))
-    if shown.caption:
-        beside = max(0, console.width - _TEXT_WIDTH)
-        parts.append(Padding(Text(shown.caption, style="dim"), (1, beside, 0, 0)))
-    _print(sys.stdout, *parts)
+        grid.add_column(header, justify=side, width=width, overflow="fold")
+    for row in rows:
+        grid.add_row(*map(Text, row))
+    return grid
 
 
 def verdicts(title: str, rows: Sequence[tuple[str, str, str, str]]) -> None:
