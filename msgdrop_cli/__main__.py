@@ -58,7 +58,11 @@ def _complete() -> "NoReturn":
     gc.disable()
     sys.modules["rich"] = None  # type: ignore[assignment]  # typer breaks every help's lines by it
     from msgdrop_cli.app import run
+    from msgdrop_cli.commands.parts.bash_words import joined
 
+    if "\n" in (words := os.environ.get("COMP_WORDS", "")):  # so the script of bash puts them
+        typed, at = joined(words.split("\n"), int(os.environ.get("COMP_CWORD", "0")))
+        os.environ |= {"COMP_WORDS": "\n".join(typed), "COMP_CWORD": str(at)}
     try:
         code: object = run([])
     except SystemExit as ended:

@@ -108,6 +108,66 @@ def test_runs_with_a_policy_are_offered(
     assert capsys.readouterr().out.split() == sorted(f"results/{each}" for each in folders)
 
 
+_BASH = """
+eval "$(_MSGDROP_COMPLETE=source_bash {program})"
+COMP_WORDS=({words})
+COMP_CWORD=$((${{#COMP_WORDS[@]}} - 1))
+_msgdrop_completion {program}
+printf '%s\\n' "${{COMPREPLY[@]}}"
+"""
+
+
+@pytest.mark.parametrize(
+    ("words", "offers"),
+    [
+        (["ablate", "dropout-rate", "--profile", "=", "tw"], ["two-million"]),
+        (
+            ["ablate", "dropout-rate", "--profile", "="],
+            ["quick", "million", "two-million", "paper"],
+        ),
+        (
+            ["train", "--set", "algorithm.gamma", "=", "0.9", "--env", "pursuit-n6", "--prof"],
+            ["--profile"],
+        ),
+        (["eval", "--channel", "loss", ":", "0.2", "--device", "=", "cu"], ["cuda"]),
+        (["unstable-test", "--sweep", "lo"], ["loss:"]),
+    ],
+)
+def test_bash_parts_words_and_is_answered_all_the_same(
+    words: list[str], offers: list[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """At `=` and `:`, as its own line editor does before it asks."""
+    program = tmp_path / "msgdrop"
+    program.write_text(f'#!/bin/sh\nexec "{sys.executable}" -m msgdrop_cli "$@"\n')
+    program.chmod(0o755)
+    paths = os.pathsep.join(str(ROOT / part) for part in ("", "envs", "ablations"))
+    monkeypatch.setenv("PYTHONPATH", paths)
+    asked = _BASH.format(program=program, words=" ".join(["msgdrop", *words]))
+    done = subprocess.run(["bash", "-c", asked], capture_output=True, text=True, timeout=60)
+    assert done.stdout.split() == offers, done.stderr
+
+
+def test_sides_of_a_diff_are_offered(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Variants that have runs; ids as soon as one is begun."""
+    monkeypatch.chdir(tmp_path)
+    for name in ("runs/game/dcc-s1-01234567", "published/q/game/md-0.2-s2-d9abcdef"):
+        folder = tmp_path / "results" / name
+        folder.mkdir(parents=True)
+        (folder / "run.json").touch()
+    offered("fish", "msgdrop diff ", monkeypatch)
+    assert capsys.readouterr().out.split() == ["dcc", "md-0.2"]
+    offered("fish", "msgdrop diff d", monkeypatch)
+    assert capsys.readouterr().out.split() == ["dcc", "d9abcdef"]
+
+
+def test_what_is_offered_for_a_sweep_has_a_setting() -> None:
+    """A channel without one cannot run over a range."""
+    assert {"loss:", "bursts:", "delay:"} <= set(completion.swept())
+    assert not {"constant:", "own:", "shuffled:"} & set(completion.swept())
+
+
 def test_published_policies_are_found(monkeypatch: pytest.MonkeyPatch) -> None:
     """Where they lie in this repository."""
     monkeypatch.chdir(ROOT)

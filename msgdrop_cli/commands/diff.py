@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from msgdrop_cli.commands.parts import console, options
+from msgdrop_cli.commands.parts import completion, console, options
 from msgdrop_cli.commands.parts.listing import runs_in
 from msgdrop_cli.errors import DefinitionError, nearest
 from msgdrop_cli.records.store import RunRecord, list_runs
@@ -18,7 +18,12 @@ if TYPE_CHECKING:
 
 app = typer.Typer()
 _COMMIT = re.compile(r"^([0-9a-f]{12})[0-9a-f]+")
-_Side = Annotated[str, typer.Argument(help="A variant, a run id, or a folder of runs.")]
+_Side = Annotated[
+    str,
+    typer.Argument(
+        help="A variant, a run id, or a folder of runs.", autocompletion=completion.sides
+    ),
+]
 
 
 @app.command(

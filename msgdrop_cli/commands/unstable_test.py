@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from msgdrop_cli.commands.parts import options, words
+from msgdrop_cli.commands.parts import completion, options, words
 from msgdrop_cli.definition.channel import NONE_BROKEN, Channel
 from msgdrop_cli.definition.load import load_definition
 from msgdrop_cli.definition.sweep import Sweep
@@ -44,6 +44,7 @@ _Swept = Annotated[
     typer.Option(
         metavar="KIND:LOW..HIGH:POINTS",
         help="Every variant against one setting of a channel, e.g. loss:0..1:11.",
+        autocompletion=completion.swept,
     ),
 ]
 _Matrix = Annotated[

@@ -1,5 +1,6 @@
 """What the TAB key offers; loads nothing heavy, and says nothing where it knows nothing."""
 
+import re
 from contextlib import suppress
 from pathlib import Path
 
@@ -13,7 +14,9 @@ from msgdrop_cli.definition.spec import Definition
 from msgdrop_cli.errors import DefinitionError
 
 _POLICIES = ("runs/*/*/policy.safetensors", "published/*/*/*/policy.safetensors")
-"""Where policies lie in a results folder: looked up at every TAB, so not everywhere."""
+_RUNS = ("runs/*/*/run.json", "published/*/*/*/run.json")
+_RUN = re.compile(r"(.+)-s\d+-([0-9a-f]{8})")
+"""Where policies and records lie in a results folder: looked up at every TAB, so not everywhere."""
 
 
 def environments() -> list[str]:
@@ -48,6 +51,20 @@ def profiles(context: typer.Context) -> list[str]:
 def channels() -> list[str]:
     """The kinds of channels, by their files, and those with a name of their own."""
     return sorted([*vocabulary.channels(), *NAMED])
+
+
+def swept() -> list[str]:
+    """The kinds of channels that have a setting for `--sweep` to run over."""
+    return [f"{kind}:" for kind in vocabulary.swept_channels()]
+
+
+def sides(context: typer.Context, incomplete: str) -> list[str]:
+    """What `diff` compares: variants that have runs, and once a letter is there, run ids, too."""
+    root = Path(context.params.get("results") or "results")
+    found = [_RUN.fullmatch(file.parent.name) for each in _RUNS for file in root.glob(each)]
+    named = [each.groups() for each in found if each]
+    ids = sorted({run_id for _, run_id in named}) if incomplete else []
+    return [*sorted({variant for variant, _ in named}), *ids]
 
 
 def readings(context: typer.Context) -> list[tuple[str, str]]:

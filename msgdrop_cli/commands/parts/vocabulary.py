@@ -57,6 +57,14 @@ def channels() -> list[str]:
     return sorted(file.stem.replace("_", "-") for file in files)
 
 
+def swept_channels() -> list[str]:
+    """Those that have settings, one of which may run over a range."""
+    modules = sources.modules("msgdrop_cli.channels")
+    made = {each.name: each.name.title().replace("_", "") for each in modules}
+    kept = [each.name for each in modules if any(sources.settings(each.tree, made[each.name]))]
+    return sorted(name.replace("_", "-") for name in kept)
+
+
 def training() -> Section:
     """What every run has."""
     tree = ast.parse(Path(spec.__file__).read_text())
