@@ -261,3 +261,29 @@ def test_shares_as_people_write_them(text: str, value: float) -> None:
     """Per cent are hundredths, exactly: 30% and 0.3 are one number."""
     assert Channel.read(text) == Channel.read(value)
     assert words.share(text, "--rate") == value
+
+
+@pytest.mark.parametrize(
+    ("typed", "says"),
+    [
+        ("train --algorithm ful-md", "--algorithm: no algorithm is called 'ful-md'"),
+        ("ablate dropout-rate --profile two-millio", "did you mean 'two-million'?"),
+        ("ablate dropout-rate --reading far-sigh", "did you mean 'far-sight'?"),
+        ("eval --broken-links some", "--broken-links: no channel is called 'some'"),
+        ("train --channel los:0.2", "--channel: no channel is called 'los'"),
+        ("unstable-test --sweep los:0..1:3", "--sweep: no channel is called 'los'"),
+    ],
+)
+def test_a_mistyped_name_is_told_before_torch_is_loaded(typed: str, says: str) -> None:
+    """It takes seconds to load, and is not needed to know the names."""
+    tell = "import sys; from msgdrop_cli.app import run; code = run(sys.argv[1:]); "
+    tell += "sys.exit(code if 'torch' not in sys.modules else 99)"
+    paths = os.pathsep.join(str(ROOT / part) for part in ("", "envs", "ablations"))
+    done = subprocess.run(
+        [sys.executable, "-c", tell, *typed.split()],
+        env={**os.environ, "PYTHONPATH": paths},
+        capture_output=True,
+        text=True,
+        timeout=60,
+    )
+    assert (done.returncode, says in done.stderr) == (2, True), done.stderr

@@ -8,7 +8,7 @@ import typer
 from msgdrop_cli.commands.parts import console, options, settings
 from msgdrop_cli.definition.figures import all_figures
 from msgdrop_cli.definition.load import list_askable, list_definitions, load_definition
-from msgdrop_cli.definition.readings import all_readings, readings_of
+from msgdrop_cli.definition.readings import all_readings, as_overrides, readings_of
 from msgdrop_cli.errors import DefinitionError
 
 app = typer.Typer()
@@ -83,6 +83,7 @@ def ablate(
     if name is None or lists:
         return _list(json)
     definition = load_definition(name)
+    as_overrides(reading or (), definition.environments)  # what cannot be is said before torch
     checked = options.train_options(
         profile=options.chosen_profile(definition, profile),
         readings=reading,

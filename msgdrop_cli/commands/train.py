@@ -10,6 +10,7 @@ import typer
 
 from msgdrop_cli.commands.parts import completion, options, settings, words
 from msgdrop_cli.commands.parts.typed import as_typed
+from msgdrop_cli.definition.catalogue import check_algorithm
 from msgdrop_cli.definition.plan import AD_HOC, ad_hoc_definition
 from msgdrop_cli.definition.spec import Definition, Profile, is_factory
 from msgdrop_cli.errors import DefinitionError, nearest
@@ -162,6 +163,10 @@ def _definition(
     if steps is not None:
         scale = replace(scale, training={"train_env_steps": steps})
     question = ad_hoc_definition(env, [algorithm], profile, scale)
+    try:  # a mistyped name need not wait for torch
+        check_algorithm(algorithm, completion.algorithms())
+    except DefinitionError as error:
+        raise DefinitionError(f"--algorithm: {error}") from error
     if rate is not None:
         _check_takes_rate(algorithm)
     return question

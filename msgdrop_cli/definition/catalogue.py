@@ -1,6 +1,6 @@
 """What exists to choose from. The engine fills it, so that planning needs no torch."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, fields
 from typing import Any
 
@@ -79,9 +79,7 @@ class Catalogue:
 
     def algorithm(self, name: str) -> NamedAlgorithm:
         """The algorithm that people call `name`; DefinitionError for an unknown one."""
-        if name not in self.algorithms:
-            known = nearest(name[:64], self.algorithms)
-            raise DefinitionError(f"no algorithm is called {name[:64]!r}; {known}")
+        check_algorithm(name, self.algorithms)
         return self.algorithms[name]
 
     def sizes(self, environment: str, learner: str) -> PaperSizes:
@@ -133,3 +131,9 @@ class Catalogue:
             known = nearest(learner[:64], classes)
             raise DefinitionError(f"no learner is called {learner[:64]!r}; {known}")
         return classes[learner]
+
+
+def check_algorithm(name: str, known: Collection[str]) -> None:
+    """Refuse (DefinitionError) a name that is none of these."""
+    if name not in known:
+        raise DefinitionError(f"no algorithm is called {name[:64]!r}; {nearest(name[:64], known)}")

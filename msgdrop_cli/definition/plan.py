@@ -21,6 +21,7 @@ from msgdrop_cli.definition.overrides import (
     described,
     parse_override,
 )
+from msgdrop_cli.definition.profiles import profile_called
 from msgdrop_cli.definition.readings import about_explored, as_overrides, explored_in, under
 from msgdrop_cli.definition.registration import registered_as
 from msgdrop_cli.definition.run_id import run_id
@@ -36,7 +37,7 @@ from msgdrop_cli.definition.spec import (
     record_name,
 )
 from msgdrop_cli.definition.strict import Where, overlay, parse, shallow, shown, whole_number
-from msgdrop_cli.errors import DefinitionError, nearest
+from msgdrop_cli.errors import DefinitionError
 
 AD_HOC, AD_HOC_NAME = "msgdrop train", "train"
 """The file and the name of a question of which no file asks."""
@@ -83,10 +84,7 @@ def plan(
     a variant sets itself, or two variants that are one.
     """
     where = Where(definition.file)
-    if profile not in definition.profiles:
-        problem = f"no profile of {definition.file} is called {profile[:64]!r}"
-        raise Where("--profile").error(f"{problem}; {nearest(profile[:64], definition.profiles)}")
-    chosen = definition.profiles[profile]
+    chosen = profile_called(definition, profile)
     if seeds is None:
         numbers = _checked_seeds(chosen.seeds, where.at("profiles").at(profile).at("seeds"))
     else:

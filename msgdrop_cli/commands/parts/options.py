@@ -12,6 +12,7 @@ from msgdrop_cli.commands.parts import completion
 from msgdrop_cli.definition.channel import WORDS
 from msgdrop_cli.definition.load import list_askable
 from msgdrop_cli.definition.plan import parse_seeds
+from msgdrop_cli.definition.profiles import profile_called
 from msgdrop_cli.definition.spec import MOST_EPISODES, Definition
 from msgdrop_cli.definition.strict import Where, one_line, whole_number
 from msgdrop_cli.errors import DefinitionError, RecordError, nearest
@@ -234,6 +235,7 @@ def chosen_seeds(seed: int | None, seeds: str | None) -> tuple[int, ...] | None:
 def chosen_profile(definition: Definition, profile: str | None) -> str:
     """The profile that is meant: the one named, the only one there is, or quick."""
     if profile is not None:
+        profile_called(definition, profile)  # it says at once that there is none
         return profile
     known = list(definition.profiles)
     if len(known) > 1 and _PROFILE not in known:

@@ -2,7 +2,8 @@
 
 from collections.abc import Sequence
 
-from msgdrop_cli.definition.channel import Channel, only_links
+from msgdrop_cli.commands.parts import vocabulary
+from msgdrop_cli.definition.channel import Channel, check_kind, only_links
 from msgdrop_cli.definition.strict import number
 from msgdrop_cli.errors import DefinitionError
 
@@ -66,6 +67,8 @@ def channel(text: str, option: str) -> Channel:
 def check_kinds(channels: Sequence[Channel]) -> None:
     """Refuse (ValueError) kinds and settings that there are not. Loads torch for all but links."""
     if not only_links(channels):
+        for each in channels:  # a mistyped name need not wait for torch
+            check_kind(each, vocabulary.channels())
         from msgdrop_cli.channels import kind_of
 
         for each in channels:
