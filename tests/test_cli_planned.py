@@ -151,3 +151,18 @@ def test_status_of_many_runs_has_a_row_for_each_arm(
     rows = msgdrop("status", store.results).out.split("\n")
     [row] = [row.split() for row in rows if "DCC-MD 0.2" in row]
     assert row == ["pursuit-n6", "DCC-MD", "0.2", "quick", "done", "2", "400", "100%"]
+
+
+def test_a_run_at_which_nobody_works_was_killed(tmp_path: Path) -> None:
+    """`running` stands in its record until somebody goes on; its lock says who is at work."""
+    path = create_run(run_path(tmp_path, runs.planned()), runs.planned(), {}).path
+    set_status(path, "running", env_steps=80)
+
+    def words() -> list[str]:
+        lines = json.loads(msgdrop("status", tmp_path, "--json").out)
+        return [line["status"] for line in lines]
+
+    with run_lock(path):
+        assert words() == ["running"]
+    assert words() == ["killed"]
+    assert "1 run: 1 killed" in msgdrop("status", tmp_path).out

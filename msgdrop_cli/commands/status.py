@@ -13,6 +13,8 @@ from msgdrop_cli.analysis.labels import with_overrides
 from msgdrop_cli.commands.parts import console, options
 from msgdrop_cli.commands.parts.listing import runs_in
 from msgdrop_cli.commands.parts.words import counted, duration, several
+from msgdrop_cli.records.files import LOCK
+from msgdrop_cli.records.holders import Held, is_held, locked_files
 from msgdrop_cli.records.store import PROGRESS, RunRecord
 
 app = typer.Typer()
@@ -55,8 +57,9 @@ def status(
     records = runs_in(results)
     if why:
         return _show_why(records, as_json=json)
+    held = locked_files()
     lines = [
-        _line(record, progress(record.path) if record.status == "running" else {})
+        _line(record, progress(record.path) if record.status == "running" else {}, held)
         for record in records
     ]
     lines.sort(key=lambda line: not line["own"])  # stays sorted by path among its own kind
@@ -158,9 +161,12 @@ def _published(lines: Sequence[dict[str, Any]]) -> list[tuple[str, ...]]:
     return [(*row[:_TEXT_COLUMNS], str(count), row[-1]) for row, count in seeds.items()]
 
 
-def _line(record: RunRecord, now: dict[str, Any]) -> dict[str, Any]:
+def _line(record: RunRecord, now: dict[str, Any], held: Held) -> dict[str, Any]:
     setup = record.setup
     running = record.status == "running"
+    silence = _silence(record) if running else None
+    # On another machine of a shared folder, which is in no list here, somebody writes progress.
+    alive = is_held(record.path / LOCK, held) or (silence or _SILENT_S) < _SILENT_S
     return {
         "environment": record.environment,
         "variant": record.variant,
@@ -169,13 +175,13 @@ def _line(record: RunRecord, now: dict[str, Any]) -> dict[str, Any]:
         "definition": record.definition,
         "profile": record.profile,
         "run_id": record.run_id,
-        "status": record.status,
+        "status": "killed" if running and not alive else record.status,
         "reason": record.reason,
         "env_steps": int(now["env_steps"]) if running and now else record.env_steps,
         "train_env_steps": setup.train_env_steps if setup else None,
         "env_steps_per_s": now.get("env_steps_per_s") if running else None,
         "eta_s": now.get("eta_s") if running else None,
-        "silent_s": _silence(record) if running else None,
+        "silent_s": silence,
         "own": record.is_own,
         "path": str(record.path),
     }
@@ -191,9 +197,10 @@ def _silence(record: RunRecord) -> float | None:
 def _cells(line: dict[str, Any]) -> tuple[str, ...]:
     total, left = line["train_env_steps"], line["eta_s"]
     word = str(line["status"])
-    if word == "running" and (line["silent_s"] is None or line["silent_s"] > _SILENT_S):
-        word = "running?" if line["silent_s"] is None else f"silent {duration(line['silent_s'])}"
+    if word == "killed":
         left = None
+    elif word == "running" and (line["silent_s"] or 0.0) > _SILENT_S:  # a process that is stopped
+        word, left = f"silent {duration(line['silent_s'])}", None
     return (
         line["environment"],
         line["label"] if len(line["label"]) <= _LABEL else f"{line['label'][: _LABEL - 1]}…",
