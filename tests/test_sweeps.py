@@ -184,5 +184,21 @@ def test_one_published_seed_is_shown_as_such(store: Store, tmp_path: Path) -> No
     assert "2 of 2 runs published: study (2)" in " ".join(said.out.split())
     [drawn] = (tmp_path / "results").rglob("*sweep*.svg")
     below = " ".join(re.findall("<!-- (.*?) -->", drawn.read_text()))
+    assert "without an epsilon" not in below
     for words in ("4 episodes a seed", "2 of 2 runs published: study (2)", "that learn nothing"):
         assert words in below
+
+
+def test_beside_an_epsilon_the_references_are_said_to_have_none(
+    store: Store, tmp_path: Path
+) -> None:
+    """They were played as they are: no number in the table, and a word below the figure."""
+    copy = copied_store(store, tmp_path)
+    asked = ("--sweep", "loss:0..1:2+epsilon:0.1", "--episodes", "2", "--workers", "1")
+    said = msgdrop("unstable-test", copy.results, *asked)
+    assert said.code == 0, said.err
+    [row] = [line.split() for line in said.out.splitlines() if line.startswith("(random)")]
+    assert set(row[1:]) == {"\u2013"}
+    [drawn] = copy.results.rglob("*sweep*.svg")
+    below = " ".join(re.findall("<!-- (.*?) -->", drawn.read_text()))
+    assert "act without an epsilon" in below

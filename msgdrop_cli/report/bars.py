@@ -25,7 +25,7 @@ _NARROWEST, _ROOM = 1.15, 0.1
 _PER_BAR, _BESIDE = 0.42, 1.75
 """Inches of a figure for each bar, and of them what lies beside the axes."""
 
-_NO_EPSILON = " These act without an epsilon."
+NO_EPSILON = " These act without an epsilon."
 """Of the reference policies beside bars of policies that act at random at times."""
 
 
@@ -48,7 +48,7 @@ def draw_channels(summary: Summary, group: Group) -> Drawn | None:
         + spread_note({len(row.by_seed) for row in rows}, "bar", "line")
         + " Dots: seeds."
         + lines.note
-        + (_NO_EPSILON if lines.note and any(each.epsilon for each in channels) else ""),
+        + (NO_EPSILON if lines.note and any(each.epsilon for each in channels) else ""),
     )
     bar = _bar_width([each.label for each in shown], channels)
     slot = bar * (len(channels) + _BETWEEN)

@@ -9,6 +9,7 @@ from msgdrop_cli.analysis.summary import Group, Summary
 from msgdrop_cli.analysis.sweeps import NEVER, Swept
 from msgdrop_cli.definition.channel import played_how
 from msgdrop_cli.definition.sweep import Sweep
+from msgdrop_cli.report.bars import NO_EPSILON
 from msgdrop_cli.report.captions import footer, scale
 from msgdrop_cli.report.drawn import Drawn
 from msgdrop_cli.report.figures import file_stem
@@ -103,7 +104,8 @@ def draw_sweep(summary: Summary, group: Group, sweep: Sweep, swept: Sequence[Swe
         [each.arm for each in swept],
         f"{metric.label} = {metric.formula}; {played_how(sweep.channels)}, the same policies "
         f"and games at each setting, {_episodes(swept)}. Lines: mean over seeds. Dots: seeds. "
-        f"Ticks below: where a mean falls below FDC's.{lines.note}",
+        f"Ticks below: where a mean falls below FDC's.{lines.note}"
+        + (NO_EPSILON if lines.note and any(each.epsilon for each in sweep.channels) else ""),
     )
     ends = [
         end(shown.label, each.rows[-1].mean, shown.look.colour, shown.look.marker)
