@@ -113,7 +113,7 @@ def page(text: str = "Dropout helps", words: tuple[Word, ...] = ()) -> Page:
         hours=0.5,
     )
     return Page(
-        sections=(section, replace(section, key="figure-7", lines=(line(7, "supported", text),))),
+        sections=(section, replace(section, key="figure-7", lines=(line(8, "supported", text),))),
         pictures={"figure-6": (Picture("learning", text, png()), Picture("bars", text, png()))},
         tables={"figure-6": (shown,)},
         register=Register(statements=(statement,), unclaimed=((text, "no claim"),)),

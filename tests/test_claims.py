@@ -79,8 +79,8 @@ def test_one_side_cannot_be_contradicted(tmp_path: Path) -> None:
 def test_without_a_registration_there_are_estimates_only(tmp_path: Path) -> None:
     """However clear: nobody said beforehand when to look."""
     verdict = verdict_on(arms(tmp_path, HIGH, LOW), rule=None)
-    assert (verdict.verdict, verdict.difference) == ("undecided", 10.0)
-    assert verdict.reason.startswith("an estimate: the question has no [registration]")
+    assert (verdict.verdict, verdict.difference) == ("estimate", 10.0)
+    assert verdict.reason.startswith("the question has no [registration]")
 
 
 @pytest.mark.parametrize(("count", "look"), [(1, "first registered look at 6"), (5, "first")])

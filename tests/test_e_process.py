@@ -97,7 +97,7 @@ def test_it_stands_beside_the_verdict_and_decides_nothing(tmp_path: Path) -> Non
     open_, decided = (
         verdict_on(arms(tmp_path / str(rule), HIGH, LOW), rule=rule) for rule in (None, AT_SIX)
     )
-    assert (open_.verdict, decided.verdict) == ("undecided", "supported")
+    assert (open_.verdict, decided.verdict) == ("estimate", "supported")
     for each in (open_, decided):
         assert each.anytime is not None
         assert each.anytime.seeds == 6

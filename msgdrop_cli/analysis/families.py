@@ -20,11 +20,11 @@ from msgdrop_cli.analysis.statistics import mean
 from msgdrop_cli.analysis.verdict import Evidence, Verdict, Word
 from msgdrop_cli.definition.spec import Registration
 
-_NOT_REGISTERED = "an estimate: the question has no [registration] of looks and alpha"
+_NOT_REGISTERED = "the question has no [registration] of looks and alpha"
 
 
 def judge_family(pairs: Sequence[Pair], rule: Registration | None) -> list[Verdict]:
-    """One verdict for each pair of arms, in their order; without a registration all are open."""
+    """One verdict for each pair of arms, in their order; without a registration an estimate."""
     if rule is None:
         return [_estimate(pair) for pair in pairs]
     flips = flips_of([pair.first for pair in pairs], rule)
@@ -53,9 +53,7 @@ def judge_family(pairs: Sequence[Pair], rule: Registration | None) -> list[Verdi
 def _estimate(pair: Pair) -> Verdict:
     """What can be said of a claim whose looks nobody has registered."""
     stopped = anytime(pair.first, sides=2)
-    return _verdict(
-        pair, "undecided", "; ".join([_NOT_REGISTERED, *_at_any_stop(stopped)]), stopped
-    )
+    return _verdict(pair, "estimate", "; ".join([_NOT_REGISTERED, *_at_any_stop(stopped)]), stopped)
 
 
 def _verdict(

@@ -21,6 +21,7 @@ from msgdrop_cli.definition.registration import registered_as
 from msgdrop_cli.definition.spec import Claim, Definition, Registration
 
 WORDS: tuple[Word, ...] = get_args(Word)
+_OPEN: tuple[Word, ...] = ("undecided", "estimate")
 _OF_THE_PAPER = re.compile(r"l\. \d")
 
 
@@ -186,7 +187,7 @@ def one_word(readings: Sequence[Reading]) -> tuple[Word, int | None]:
     decided = [number for number in chosen if readings[number].word in DECIDED]
     if len({readings[number].word for number in decided}) > 1:
         return "under-specified", None
-    open_ones = [number for number in chosen if readings[number].word == "undecided"]
+    open_ones = [number for number in chosen if readings[number].word in _OPEN]
     told_by = (decided or sorted(open_ones, key=lambda n: -readings[n].seeds) or chosen)[0]
     return readings[told_by].word, told_by
 

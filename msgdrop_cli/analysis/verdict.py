@@ -9,7 +9,15 @@ from msgdrop_cli.analysis.statistics import Interval
 from msgdrop_cli.analysis.summary import Group
 from msgdrop_cli.definition.spec import Claim
 
-Word = Literal["supported", "contradicted", "level", "undecided", "under-specified", "not run"]
+Word = Literal[
+    "supported",
+    "contradicted",
+    "level",
+    "undecided",
+    "estimate",
+    "under-specified",
+    "not run",
+]
 """`under-specified`: registered readings of the paper disagree; `reproduction` says so."""
 DECIDED: tuple[Word, ...] = ("supported", "contradicted", "level")
 """Those that a look has given."""

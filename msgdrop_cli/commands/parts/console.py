@@ -34,6 +34,7 @@ _VERDICTS = {
     "contradicted": "red",
     "level": "cyan",
     "undecided": "yellow",
+    "estimate": "yellow",
     "under-specified": "yellow",
 }
 

@@ -27,6 +27,7 @@ _SIGNS: Mapping[Word, str] = {
     "contradicted": "✗",
     "level": "=",
     "undecided": "?",
+    "estimate": "~",
     "under-specified": "≠",
     "not run": NOTHING,
 }

@@ -22,6 +22,7 @@ MEANINGS: Mapping[Word, str] = {
     "difference is the other way",
     "level": "surely so small that it does not matter: within the registered margin",
     "undecided": "none of these at the registered looks there were",
+    "estimate": "no verdict: its question has no registration of looks and alpha",
     "under-specified": "registered readings of the paper decide it differently",
     "not run": "one of its arms has no finished run here, or no evaluation with this channel",
 }
