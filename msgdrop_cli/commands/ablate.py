@@ -1,5 +1,6 @@
 """`msgdrop ablate`: answer a question by training its variants."""
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
 
@@ -8,7 +9,9 @@ import typer
 from msgdrop_cli.commands.parts import console, options, settings
 from msgdrop_cli.definition.figures import all_figures
 from msgdrop_cli.definition.load import list_askable, list_definitions, load_definition
+from msgdrop_cli.definition.profiles import profile_called
 from msgdrop_cli.definition.readings import all_readings, as_overrides, readings_of
+from msgdrop_cli.definition.spec import Definition
 from msgdrop_cli.errors import DefinitionError
 
 app = typer.Typer()
@@ -83,9 +86,8 @@ def ablate(
     if name is None or lists:
         return _list(json)
     definition = load_definition(name)
-    as_overrides(reading or (), definition.environments)  # what cannot be is said before torch
     checked = options.train_options(
-        profile=options.chosen_profile(definition, profile),
+        profile=_profile(definition, profile, reading or ()),
         readings=reading,
         overrides=overrides,
         seed=seed,
@@ -107,6 +109,14 @@ def ablate(
     if emit:
         return show_job_array(name, definition, checked)
     return carry_out(definition, checked)
+
+
+def _profile(definition: Definition, profile: str | None, readings: Sequence[str]) -> str:
+    """The profile that is meant; refuses it and readings, as the plan would, but before torch."""
+    name = options.chosen_profile(definition, profile)
+    games = profile_called(definition, name).environments or definition.environments
+    as_overrides(readings, games)
+    return name
 
 
 def _list(as_json: bool) -> int:
