@@ -39,11 +39,12 @@ FLAT = (
 
 
 @pytest.fixture(autouse=True)
-def toys(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+def toys() -> Iterator[None]:
     """Two more files in the folder."""
-    folder = Path(__file__).parent / "toy_channels"
-    monkeypatch.setattr(channels, "__path__", [*channels.__path__, str(folder)])
+    folder = str(Path(__file__).parent / "toy_channels")
+    channels.__path__.append(folder)
     yield
+    channels.__path__.remove(folder)
     for toy in TOYS:
         sys.modules.pop(f"msgdrop_cli.channels.{toy.replace('-', '_')}", None)
 

@@ -82,7 +82,7 @@ def test_a_worker_lost_at_the_start_is_one_line(
         pass
     thread.join()
     assert "\n" not in str(caught.value)
-    assert not begun(os.getpid())
+    wait_for(lambda: not begun(os.getpid()), 20.0)
 
 
 def begun(parent: int) -> list[int]:

@@ -27,6 +27,8 @@ PATIENCE_S = 30.0
 """For a scheduler to answer, and for a cluster without workers until some come."""
 _START_S, _MORE_S = 60.0, 2.0
 """For the first worker of this machine to begin, and more for each: loading takes a processor."""
+_END_S = 2.0
+"""For a process that is killed to be gone."""
 _QUIET = 60
 """Dask's loggers say nothing below this: what matters we say ourselves, in a line."""
 
@@ -92,6 +94,7 @@ def _of_this_machine(where: str) -> Iterator["Client"]:
     with held_back():
         resource_tracker.ensure_running()  # it lets signals through afterwards
     patience_s = _START_S + _MORE_S * count
+    others = multiprocessing.active_children()
     try:
         with held_back():  # its processes inherit that, and leave Ctrl-C to us
             made = LocalCluster(
@@ -102,8 +105,10 @@ def _of_this_machine(where: str) -> Iterator["Client"]:
                 death_timeout=patience_s,
             )
     except Exception as error:  # of many kinds, AssertionError too
-        for process in multiprocessing.active_children():
-            process.kill()  # Dask leaves one that was stopped
+        for _ in range(count + 1):  # Dask leaves one that was stopped, and may begin another
+            for process in set(multiprocessing.active_children()).difference(others):
+                process.kill()
+                process.join(_END_S)
         raise RunError(
             f"{where}: a worker died before it was ready, or was not within {patience_s:.0f} s"
             " (no memory, or a busy machine?); ask again, perhaps with fewer, or for --workers"

@@ -30,12 +30,8 @@ _MARK = re.compile(r"\* |\d\. ")
 _POINT = re.compile(rf"\n(?=\n|{_MARK.pattern})")
 """What begins a point of a text, and where a text is broken before points and paragraphs."""
 _VERDICTS = {
-    "supported": "green",
-    "contradicted": "red",
-    "level": "cyan",
-    "undecided": "yellow",
-    "estimate": "yellow",
-    "under-specified": "yellow",
+    **{"supported": "green", "contradicted": "red", "level": "cyan"},
+    **dict.fromkeys(("undecided", "estimate", "under-specified"), "yellow"),
 }
 
 

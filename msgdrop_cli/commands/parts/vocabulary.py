@@ -5,6 +5,7 @@
 
 import ast
 from collections.abc import Iterator
+from importlib.util import find_spec
 from pathlib import Path
 from typing import NamedTuple
 
@@ -52,8 +53,10 @@ def environments() -> list[Section]:
 
 
 def channels() -> list[str]:
-    """The kinds of channels, whose names are those of their files."""
-    files = (Path(spec.__file__).parents[1] / "channels").glob("[a-z]*.py")
+    """The kinds of channels, whose names are those of their files, wherever these lie."""
+    package = find_spec("msgdrop_cli.channels")
+    folders = package.submodule_search_locations if package else None
+    files = (file for folder in folders or () for file in Path(folder).glob("[a-z]*.py"))
     return sorted(file.stem.replace("_", "-") for file in files)
 
 
