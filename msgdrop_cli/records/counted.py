@@ -33,6 +33,14 @@ def preferred(copies: Iterable[RunRecord], question: str = "") -> list[RunRecord
     return sorted(found, key=lambda copy: _rank(copy, question), reverse=True)
 
 
+def by_run_id(records: Iterable[RunRecord]) -> dict[str, list[RunRecord]]:
+    """The copies of every run, in the order of the records."""
+    copies: dict[str, list[RunRecord]] = {}
+    for record in records:
+        copies.setdefault(record.run_id, []).append(record)
+    return copies
+
+
 def copies_of(root: Path, run_ids: Container[str]) -> dict[str, list[RunRecord]]:
     """By run id, the copies in a results folder: own runs, then published ones.
 

@@ -22,7 +22,7 @@ from msgdrop_cli.definition.readings import apart, readings_of, under
 from msgdrop_cli.definition.run_id import run_id
 from msgdrop_cli.definition.spec import Definition, PlannedRun
 from msgdrop_cli.errors import RecordError
-from msgdrop_cli.records.counted import preferred
+from msgdrop_cli.records.counted import by_run_id, preferred
 from msgdrop_cli.records.folders import run_folders
 from msgdrop_cli.records.remembering import remembering
 from msgdrop_cli.records.store import RunRecord, list_runs
@@ -99,16 +99,13 @@ def find_answers(root: Path, definitions: Sequence[Definition], catalogue: Catal
     )
     ids = {record.run_id for record in used}
     once = {record.run_id: record for record in used}
-    copies: dict[str, list[RunRecord]] = {}
-    for record in records:
-        copies.setdefault(record.run_id, []).append(record)
     return Answers(
         answers=answers,
         records=tuple(once.values()),
         others=tuple(r for r in records if r.run_id not in ids),
         unreadable=tuple(unreadable),
         scales={scale.name: scale for each in matched for scale in each.scales},
-        copies=copies,
+        copies=by_run_id(records),
     )
 
 
@@ -127,9 +124,7 @@ class _Matched:
     def __init__(
         self, definition: Definition, records: Sequence[RunRecord], catalogue: Catalogue
     ) -> None:
-        by_id: dict[str, list[RunRecord]] = {}
-        for record in records:
-            by_id.setdefault(record.run_id, []).append(record)
+        by_id = by_run_id(records)
         seeds = sorted({record.seed for record in records})
         self.records: list[RunRecord] = []
         self.ids: set[tuple[str, str, str]] = set()

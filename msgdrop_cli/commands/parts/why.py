@@ -17,7 +17,7 @@ from msgdrop_cli.definition.registration import registered_as
 from msgdrop_cli.definition.run_id import spec_from_dict, spec_to_dict
 from msgdrop_cli.definition.spec import PlannedRun
 from msgdrop_cli.errors import DefinitionError
-from msgdrop_cli.records.counted import preferred
+from msgdrop_cli.records.counted import by_run_id, preferred
 from msgdrop_cli.records.files import LOCK
 from msgdrop_cli.records.holders import is_held, locked_files
 from msgdrop_cli.records.ours import CHECKPOINTS
@@ -111,10 +111,7 @@ def reasons(records: Iterable[RunRecord], catalogue: Catalogue) -> list[Why]:
 
 def _counted(records: Iterable[RunRecord]) -> dict[str, RunRecord]:
     """By run id the copy that every command counts."""
-    copies: dict[str, list[RunRecord]] = {}
-    for record in records:
-        copies.setdefault(record.run_id, []).append(record)
-    return {run_id: preferred(each)[0] for run_id, each in copies.items()}
+    return {run_id: preferred(each)[0] for run_id, each in by_run_id(records).items()}
 
 
 def _why(record: RunRecord, asked: "_Asked") -> tuple[str, str]:
