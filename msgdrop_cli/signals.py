@@ -22,6 +22,7 @@ _PREFIX = "msgdrop-scratch-"
 _SURELY_LOCKED_S = 60.0
 """Nobody takes that long from making a scratch folder to locking it."""
 _scratch = set[str]()
+_looked_through = set["tuple[Path, str]"]()
 
 
 def end_at_once() -> None:
@@ -52,7 +53,7 @@ def held_back() -> Iterator[None]:
 def scratch_folder(parent: "Path | None" = None, prefix: str = _PREFIX) -> Iterator["Path"]:
     """A temporary folder that goes with the block, or with the signal that ends the program.
 
-    parent: $TMPDIR if None; there, what a kill has left of earlier ones is removed, too.
+    parent: $TMPDIR if None. What a kill has left there of earlier ones is removed, too.
     """
     import fcntl
     from pathlib import Path
@@ -64,21 +65,22 @@ def scratch_folder(parent: "Path | None" = None, prefix: str = _PREFIX) -> Itera
         try:
             with suppress(OSError):  # some network drives have no locks
                 fcntl.flock(handle, fcntl.LOCK_SH)  # goes with this process, however it ends
-            if parent is None:
-                _remove_abandoned(Path(name))
+            if (place := (Path(name).parent, prefix)) not in _looked_through:
+                _looked_through.add(place)  # once: it may hold thousands of things
+                _remove_abandoned(Path(name), prefix)
             yield Path(name)
         finally:
             _scratch.discard(name)
             os.close(handle)
 
 
-def _remove_abandoned(ours: "Path") -> None:
+def _remove_abandoned(ours: "Path", prefix: str) -> None:
     """Remove our user's older scratch folders beside `ours` that no process holds."""
     import fcntl
     from shutil import rmtree
 
     now = ours.stat().st_mtime  # by the clock of the file system
-    for folder in ours.parent.glob(f"{_PREFIX}*"):
+    for folder in ours.parent.glob(f"{prefix}*"):
         with suppress(OSError):
             handle = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW)
             try:

@@ -76,24 +76,23 @@ def test_a_signal_removes_temporary_folders(tmp_path: Path, times: int) -> None:
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.parametrize("prefix", ["msgdrop-scratch-", ".tmp-"])
 def test_scratch_folders_of_the_dead_are_removed(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, prefix: str
 ) -> None:
     """Ours only: neither what somebody holds, nor young ones, nor links, nor other names."""
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
-    names = ("scratch-dead", "scratch-held", "scratch-young", "results")
-    for name in names:
-        (tmp_path / f"msgdrop-{name}").mkdir()
-        if "young" not in name:
-            os.utime(tmp_path / f"msgdrop-{name}", (0, 0))
-    (tmp_path / "msgdrop-scratch-link").symlink_to(tmp_path / "msgdrop-results")
-    with (tmp_path / "msgdrop-scratch-dead" / "policy").open("w"):
-        os.utime(tmp_path / "msgdrop-scratch-dead", (0, 0))
-    held = os.open(tmp_path / "msgdrop-scratch-held", os.O_RDONLY)
+    (tmp_path / "results").mkdir()
+    for name in ("dead", "held", "young"):
+        (tmp_path / f"{prefix}{name}").mkdir()
+    (tmp_path / f"{prefix}dead" / "policy").touch()
+    for name in ("dead", "held"):
+        os.utime(tmp_path / f"{prefix}{name}", (0, 0))
+    (tmp_path / f"{prefix}link").symlink_to(tmp_path / "results")
+    held = os.open(tmp_path / f"{prefix}held", os.O_RDONLY)
     fcntl.flock(held, fcntl.LOCK_SH)
-    with scratch_folder() as ours:
+    with scratch_folder() if "scratch" in prefix else scratch_folder(tmp_path, prefix) as ours:
         assert ours.is_dir()
     os.close(held)
     left = {path.name for path in tmp_path.iterdir()}
-    kept = ("scratch-held", "scratch-young", "scratch-link", "results")
-    assert left == {f"msgdrop-{name}" for name in kept}
+    assert left == {"results", *(f"{prefix}{name}" for name in ("held", "young", "link"))}

@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
-from msgdrop_cli.records.files import TEMPORARY
+from msgdrop_cli.records.temporary import TEMPORARY
 from msgdrop_cli.signals import scratch_folder
 from msgdrop_cli.stopping import Control
 

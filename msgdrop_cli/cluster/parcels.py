@@ -14,13 +14,13 @@ from msgdrop_cli.errors import RecordError
 from msgdrop_cli.records.files import (
     CANNOT_CREATE,
     LOCK,
-    TEMPORARY,
     remove_file,
     write_bytes_atomic,
 )
 from msgdrop_cli.records.ours import CHECKPOINTS, delete_checkpoints
 from msgdrop_cli.records.own_sums import RUN_SUMS
 from msgdrop_cli.records.store import PROGRESS, RUN
+from msgdrop_cli.records.temporary import TEMPORARY
 
 Parcel = Mapping[str, bytes]
 """Paths below a run's folder, with slashes, and what the files hold."""

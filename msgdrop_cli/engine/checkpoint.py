@@ -31,7 +31,6 @@ from msgdrop_cli.engine.tensors import (
 from msgdrop_cli.engine.training import Training
 from msgdrop_cli.errors import DefinitionError, RecordError, RunError
 from msgdrop_cli.records.files import (
-    TEMPORARY,
     read_bytes,
     read_json,
     sync_folder,
@@ -45,6 +44,7 @@ from msgdrop_cli.records.ours import (
     delete_checkpoints,
 )
 from msgdrop_cli.records.seals import Fingerprint, fingerprint, seal
+from msgdrop_cli.records.temporary import TEMPORARY
 
 KEPT = 2
 STATE, MANIFEST = "state.safetensors", "MANIFEST.json"

@@ -25,7 +25,6 @@ from msgdrop_cli.records.files import (
     CANNOT_CREATE,
     CANNOT_WRITE,
     LARGEST_FILE,
-    TEMPORARY,
     read_bytes,
     sync_folder,
     write_bytes_atomic,
@@ -34,6 +33,7 @@ from msgdrop_cli.records.own_sums import begin_list
 from msgdrop_cli.records.parsing import RECORD, TABLE, parse_json
 from msgdrop_cli.records.seals import fingerprint, seal
 from msgdrop_cli.records.store import EPISODES, METRICS, POLICY, RUN, RunRecord, list_runs
+from msgdrop_cli.records.temporary import TEMPORARY
 from msgdrop_cli.signals import scratch_folder
 
 SCHEMA = 1

@@ -4,12 +4,13 @@ import os
 import shutil
 from collections.abc import Sequence
 from pathlib import Path
-from tempfile import TemporaryDirectory
 
 from msgdrop_cli.errors import RecordError
-from msgdrop_cli.records.files import CANNOT_WRITE, TEMPORARY, write_json_atomic
+from msgdrop_cli.records.files import CANNOT_WRITE, write_json_atomic
 from msgdrop_cli.records.packed import log_bytes, pack, packed_name
 from msgdrop_cli.records.store import EPISODES, METRICS, POLICY, RUN, RunRecord
+from msgdrop_cli.records.temporary import TEMPORARY
+from msgdrop_cli.signals import scratch_folder
 
 FILES = (RUN, packed_name(METRICS), packed_name(EPISODES), POLICY)
 """What may lie in the folder of a copy."""
@@ -31,8 +32,8 @@ def copy_run(record: RunRecord, target: Path, *, policy: bool) -> None:
     (74), with nothing half-copied.
     """
     try:
-        with TemporaryDirectory(dir=target.parent, prefix=TEMPORARY) as scratch:
-            copy = Path(scratch) / target.name
+        with scratch_folder(target.parent, TEMPORARY) as scratch:
+            copy = scratch / target.name
             copy.mkdir()
             write_json_atomic(copy / RUN, record.run)  # by the names of the question it answers
             for log in (METRICS, EPISODES):
@@ -41,7 +42,7 @@ def copy_run(record: RunRecord, target: Path, *, policy: bool) -> None:
             if policy and (record.path / POLICY).exists():
                 shutil.copyfile(record.path / POLICY, copy / POLICY)
             if os.path.lexists(target):
-                target.rename(Path(scratch) / "old")
+                target.rename(scratch / "old")
             copy.rename(target)
     except OSError as error:
         raise RecordError(f"{target}: cannot be written: {error.strerror}", CANNOT_WRITE) from error

@@ -19,6 +19,7 @@ from typing import Any
 from msgdrop_cli.definition.strict import one_line
 from msgdrop_cli.errors import RecordError
 from msgdrop_cli.records.parsing import TABLE, Bounds, parse_json
+from msgdrop_cli.records.temporary import new_file, remove_leftovers
 
 CANNOT_READ, CANNOT_CREATE, CANNOT_WRITE, BUSY = 2, 73, 74, 75
 LARGEST_FILE = 32 * 2**20
@@ -26,8 +27,6 @@ LARGEST_FILE = 32 * 2**20
 LOCK = "lock"
 """The file of a run folder that whoever writes there holds; the name of its epoch stands in it."""
 _LONGEST_EPOCH = 64
-TEMPORARY = ".tmp-"
-"""Begins the names of files and folders that are being written."""
 _DISK_FAULTS = (errno.EIO, errno.ENOSPC, errno.EDQUOT)
 _NO_LOCKS = (errno.ENOLCK, errno.ENOSYS, errno.ENOTSUP, errno.EOPNOTSUPP, errno.EINVAL)
 
@@ -58,19 +57,22 @@ def write_bytes_atomic(path: Path, content: bytes, *, durable: bool = True) -> N
     """
     if path.exists() and not (path.is_file() or path.is_dir()):
         raise RecordError(_message(path, "is there and is no file; name another"), CANNOT_CREATE)
-    temporary = path.with_name(f"{TEMPORARY}{os.urandom(8).hex()}")
     try:
-        with os.fdopen(_opened(temporary, os.O_WRONLY | os.O_CREAT | os.O_EXCL), "wb") as file:
-            file.write(content)
-            file.flush()
-            if durable:
-                _sync(file.fileno())
-        temporary.replace(path)
+        temporary, handle = new_file(path)
+        try:
+            with os.fdopen(handle, "wb") as file:
+                file.write(content)
+                file.flush()
+                if durable:
+                    _sync(handle)
+                temporary.replace(path)  # while it is held
+        except OSError:
+            with suppress(OSError):
+                temporary.unlink(missing_ok=True)
+            raise
         if durable:
             sync_folder(path.parent)
     except OSError as error:
-        with suppress(OSError):
-            temporary.unlink(missing_ok=True)
         raise _failed("cannot be written", path, error, CANNOT_WRITE) from error
 
 
@@ -206,7 +208,7 @@ def run_lock(path: Path) -> Iterator[Epoch]:
             raise RecordError(_message(path, "is in use by another process"), BUSY) from error
         except OSError as error:
             raise _failed("cannot be locked", path, error, CANNOT_WRITE) from error
-        _remove_leftovers(path)
+        remove_leftovers(path)
         yield epoch
     finally:
         os.close(handle)
@@ -279,13 +281,6 @@ def _opened(path: Path, flags: int) -> int:
         os.close(handle)
         raise OSError(errno.EINVAL, "it is not a file")
     return handle
-
-
-def _remove_leftovers(path: Path) -> None:
-    """Removes what a killed process had not yet renamed; only the lock's holder writes here."""
-    for leftover in path.glob(f"{TEMPORARY}*"):
-        with suppress(OSError):
-            leftover.unlink()
 
 
 def _failed(what: str, path: Path, error: Exception, exit_code: int) -> RecordError:

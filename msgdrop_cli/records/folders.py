@@ -13,8 +13,9 @@ from typing import NamedTuple
 from msgdrop_cli.definition.spec import NAME
 from msgdrop_cli.definition.strict import one_line
 from msgdrop_cli.errors import RecordError
-from msgdrop_cli.records.files import TEMPORARY, read_json
+from msgdrop_cli.records.files import read_json
 from msgdrop_cli.records.parsing import RECORD
+from msgdrop_cli.records.temporary import TEMPORARY
 
 RUN = "run.json"
 METRICS, EPISODES = "metrics.jsonl", "episodes.jsonl"

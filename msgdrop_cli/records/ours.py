@@ -11,8 +11,9 @@ from pathlib import Path
 
 from msgdrop_cli.definition.strict import one_line
 from msgdrop_cli.errors import RecordError
-from msgdrop_cli.records.files import CANNOT_CREATE, TEMPORARY, run_lock
+from msgdrop_cli.records.files import CANNOT_CREATE, run_lock
 from msgdrop_cli.records.store import PROGRESS, RunRecord
+from msgdrop_cli.records.temporary import TEMPORARY
 
 CHECKPOINTS, REPLAY = "checkpoints", "replay"
 """The folder of a run's checkpoints, and the one in it of their replay memory."""

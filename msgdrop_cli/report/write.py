@@ -3,7 +3,6 @@
 import os
 from collections.abc import Mapping
 from pathlib import Path, PurePath
-from tempfile import TemporaryDirectory
 from typing import NamedTuple
 
 from msgdrop_cli.definition.strict import one_line
@@ -12,10 +11,11 @@ from msgdrop_cli.records.counted import PUBLISHED
 from msgdrop_cli.records.files import (
     CANNOT_CREATE,
     CANNOT_WRITE,
-    TEMPORARY,
     write_bytes_atomic,
 )
 from msgdrop_cli.records.store import RUNS
+from msgdrop_cli.records.temporary import TEMPORARY
+from msgdrop_cli.signals import scratch_folder
 
 FIGURES = "figures"
 """The folder of the figures in a results folder, and in what is published."""
@@ -73,13 +73,13 @@ def write_folder(folder: Folder, files: Mapping[str, bytes]) -> list[Path]:
     """
     target = Folder(folder.root, folder.inside.parent).made() / folder.inside.name
     try:
-        with TemporaryDirectory(dir=target.parent, prefix=TEMPORARY) as scratch:
-            new = Path(scratch) / "new"
+        with scratch_folder(target.parent, TEMPORARY) as scratch:
+            new = scratch / "new"
             new.mkdir()
             for name, content in files.items():
                 write_bytes_atomic(new / name, content)
             if os.path.lexists(target):
-                target.rename(Path(scratch) / "old")
+                target.rename(scratch / "old")
             new.rename(target)
     except OSError as error:
         message = one_line(f"{target}: cannot be written: {error.strerror}")

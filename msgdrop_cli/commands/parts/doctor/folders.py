@@ -9,9 +9,10 @@ from pathlib import Path
 from msgdrop_cli.commands.parts.doctor.check import Check, Found, existing, fine, mend, note
 from msgdrop_cli.commands.parts.words import counted, several, size
 from msgdrop_cli.errors import RecordError
-from msgdrop_cli.records.files import LOCK, TEMPORARY, take_lock, write_bytes_atomic
+from msgdrop_cli.records.files import LOCK, take_lock, write_bytes_atomic
 from msgdrop_cli.records.holders import is_held, locked_files
 from msgdrop_cli.records.store import RUNS, RunRecord, look_through
+from msgdrop_cli.records.temporary import TEMPORARY
 
 _ENOUGH_BYTES = 2 * 2**30
 """Two runs at work with a million steps of memory; the plan of a command says it exactly."""
@@ -95,7 +96,7 @@ def _at_work(results: Path) -> Found:
 
 
 def _leftovers(results: Path) -> Found:
-    """What a kill left; the next command that trains there removes it."""
+    """What a kill left; the next command that writes there removes it."""
     now = time.time()
     found = [
         path
@@ -103,7 +104,7 @@ def _leftovers(results: Path) -> Found:
         if now - path.lstat().st_mtime > _OLD_S
     ]
     if found:
-        fix = "the command that trains there removes them; or delete them yourself"
+        fix = "the command that writes there again removes them; or delete them yourself"
         return note(f"{several(len(found), 'temporary file')}, such as {found[0]}", fix)
     return fine("none")
 
