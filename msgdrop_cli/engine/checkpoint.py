@@ -36,6 +36,7 @@ from msgdrop_cli.records.files import (
     sync_folder,
     write_json_atomic,
 )
+from msgdrop_cli.records.listings import listed
 from msgdrop_cli.records.ours import (
     CHECKPOINTS,
     REPLAY,
@@ -169,8 +170,8 @@ class Checkpoints:
         if a link stands for one of the folders.
         """
         found = None
-        paths = [path for path in self._folder.glob("*") if STEPS.fullmatch(path.name)]
-        for path in sorted(paths, reverse=True):
+        paths = [path for path in listed(self._folder) if STEPS.fullmatch(path.name)]
+        for path in reversed(paths):
             with suppress(RecordError):
                 checkpoint = self._read(path, log_rows)
                 self._kept = {path: checkpoint.fingerprints, **self._kept}

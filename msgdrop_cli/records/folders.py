@@ -5,7 +5,6 @@ file says `schema` and `run_id`, as Sacred's does not. Damage in ours is an erro
 is passed over, and so are links, which could lead anywhere, and folders that are closed to us.
 """
 
-import os
 import re
 from pathlib import Path
 from typing import NamedTuple
@@ -14,6 +13,7 @@ from msgdrop_cli.definition.spec import NAME
 from msgdrop_cli.definition.strict import one_line
 from msgdrop_cli.errors import RecordError
 from msgdrop_cli.records.files import read_json
+from msgdrop_cli.records.listings import scanned
 from msgdrop_cli.records.parsing import RECORD
 from msgdrop_cli.records.temporary import TEMPORARY
 
@@ -91,8 +91,7 @@ def run_folders(root: Path) -> Found:
 
 
 def _inside(folder: Path) -> _Inside:
-    with os.scandir(folder) as entries:
-        found = list(entries)
+    found = scanned(folder)
     return _Inside(
         any(entry.name == RUN for entry in found),
         [

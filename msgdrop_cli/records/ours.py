@@ -12,6 +12,7 @@ from pathlib import Path
 from msgdrop_cli.definition.strict import one_line
 from msgdrop_cli.errors import RecordError
 from msgdrop_cli.records.files import CANNOT_CREATE, run_lock
+from msgdrop_cli.records.listings import listed
 from msgdrop_cli.records.store import PROGRESS, RunRecord
 from msgdrop_cli.records.temporary import TEMPORARY
 
@@ -45,7 +46,7 @@ def delete_checkpoints(run_path: Path, keep: Container[Path] = ()) -> None:
     folder = run_path / CHECKPOINTS
     refuse_links(run_path, folder / REPLAY)
     for place, ours in ((folder / REPLAY, SEGMENT), (folder, STEPS)):
-        for path in place.glob("*"):
+        for path in listed(place):
             is_ours = ours.fullmatch(path.name) or path.name.startswith(TEMPORARY)
             if is_ours and path not in keep:
                 _delete(path)
@@ -60,7 +61,7 @@ def delete_leftovers(records: Iterable[RunRecord]) -> None:
     """
     for record in records:
         names = (CHECKPOINTS, PROGRESS, f"{TEMPORARY}*")
-        if record.status == "done" and any(any(record.path.glob(name)) for name in names):
+        if record.status == "done" and any(listed(record.path, name) for name in names):
             with suppress(RecordError), run_lock(record.path):  # sees to what was being written
                 delete_checkpoints(record.path)
                 _delete(record.path / PROGRESS)

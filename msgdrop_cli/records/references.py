@@ -3,10 +3,10 @@
 The id is of the environment's settings, so a game with other rules has numbers of its own.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, fields
 from errno import ELOOP
-from glob import escape
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +14,9 @@ from msgdrop_cli.definition.run_id import short_hash
 from msgdrop_cli.definition.strict import Where, build, one_line
 from msgdrop_cli.errors import DefinitionError, RecordError
 from msgdrop_cli.records.files import CANNOT_CREATE, read_json, write_json_atomic
+from msgdrop_cli.records.listings import scanned
 from msgdrop_cli.records.parsing import LARGEST_NUMBER
+from msgdrop_cli.records.store import RUNS
 
 REFERENCES = "references"
 """The folder of these files in a results folder."""
@@ -64,7 +66,7 @@ def find_references(root: Path, key: str) -> References | None:
     Raises RecordError if every file that should say it is damaged.
     """
     damage: RecordError | None = None
-    for file in sorted(root.rglob(f"{REFERENCES}/{escape(key)}.json")):
+    for file in _files(root, f"{key}.json"):
         try:
             return read_references(read_json(file), str(file))
         except RecordError as error:
@@ -72,6 +74,17 @@ def find_references(root: Path, key: str) -> References | None:
     if damage is not None:
         raise damage
     return None
+
+
+def _files(folder: Path, name: str) -> Iterator[Path]:
+    """Files of this name in the folders of references in or below `folder`; runs have none."""
+    with suppress(OSError):
+        for entry in sorted(scanned(folder), key=lambda each: each.name):
+            if entry.name == name and folder.name == REFERENCES:
+                yield folder / name
+            hidden = entry.name.startswith(".")
+            if entry.is_dir(follow_symlinks=False) and not hidden and entry.name != RUNS:
+                yield from _files(folder / entry.name, name)
 
 
 def read_references(table: Any, where: str) -> References:

@@ -12,6 +12,8 @@ from contextlib import suppress
 from functools import cache
 from pathlib import Path
 
+from msgdrop_cli.records.listings import listed, scanned
+
 TEMPORARY = ".tmp-"
 """Begins the names of files and folders that are being written."""
 _FILE = re.compile(rf"{re.escape(TEMPORARY)}[0-9a-f]{{16}}")
@@ -36,8 +38,8 @@ def new_file(path: Path) -> tuple[Path, int]:
 @cache  # once in a process: a folder may hold thousands of files
 def remove_abandoned(folder: Path) -> None:
     """Remove our user's files in `folder` that were being written and that no process holds."""
-    with suppress(OSError), os.scandir(folder) as entries:
-        for entry in entries:
+    with suppress(OSError):
+        for entry in scanned(folder):
             if _FILE.fullmatch(entry.name):
                 _remove_unless_held(entry.path)
 
@@ -57,6 +59,6 @@ def _remove_unless_held(path: str) -> None:
 
 def remove_leftovers(run_path: Path) -> None:
     """Remove what was being written in a run folder; only the lock's holder writes there."""
-    for leftover in run_path.glob(f"{TEMPORARY}*"):
+    for leftover in listed(run_path, f"{TEMPORARY}*"):
         with suppress(OSError):
             leftover.unlink()

@@ -1,4 +1,4 @@
-"""Runs the fault table: `python -m tests.faults [--row NAME ... [--trial N]] [--share] [--json]`.
+"""Runs the fault table: `python -m tests.faults [--row NAME ... [--trial N ...]]`.
 
 FAULTS=0.1 makes a tenth of the trials. Two trials run at a time, each in a process of its own.
 """
@@ -11,7 +11,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from random import Random
 from typing import NamedTuple
@@ -34,7 +34,8 @@ class Result:
     worst_s: float = 0.0
     """Of what the promise gives a time to, else of a whole trial."""
     first_failure: str | None = None
-    repeat: str | None = None
+    failed: list[int] = field(default_factory=list)
+    """The numbers of the trials that found something, as they ended."""
     not_here: str | None = None
 
 
@@ -62,7 +63,7 @@ def main(arguments: Sequence[str]) -> int:
         make_bench(bench)
         for row in rows:
             count = row.share if asked.share else max(math.ceil(row.trials * scale), 1)
-            numbers = range(count) if asked.trial is None else [asked.trial]
+            numbers = asked.trial or range(count)
             began = time.monotonic()
             results.append(_run(row, numbers, bench, Path(name)))
             if not asked.json:
@@ -75,7 +76,9 @@ def main(arguments: Sequence[str]) -> int:
 def _asked(arguments: Sequence[str]) -> argparse.Namespace:
     parser = argparse.ArgumentParser(prog="python -m tests.faults", description=__doc__)
     parser.add_argument("--row", action="append", help="only this row of the table, and others")
-    parser.add_argument("--trial", type=int, help="only this trial of it, to repeat a failure")
+    parser.add_argument(
+        "--trial", type=int, nargs="+", help="only these trials of it, to repeat failures"
+    )
     parser.add_argument("--share", action="store_true", help="as few trials as the test suite")
     parser.add_argument("--json", action="store_true", help="the results as JSON")
     return parser.parse_args(arguments)
@@ -90,9 +93,9 @@ def _run(row: Row, numbers: Sequence[int], bench: Path, folder: Path) -> Result:
         result.trials += row.each
         result.survived += row.each * (told.broken is None)
         result.worst_s = max(result.worst_s, told.seconds)
-        if told.broken and result.first_failure is None:
-            result.first_failure = f"trial {told.number}: {told.broken}"
-            result.repeat = f'python -m tests.faults --row "{row.name}" --trial {told.number}'
+        if told.broken:
+            result.failed.append(told.number)
+            result.first_failure = result.first_failure or f"trial {told.number}: {told.broken}"
     result.worst_s = round(result.worst_s, 3)
     return result
 
@@ -156,7 +159,9 @@ def _show(result: Result, seconds: float) -> None:
     if result.not_here:
         print(f"{'':<14}not tried: {result.not_here}")
     if result.first_failure:
-        print(f"{'':<14}{result.first_failure}\n{'':<14}{result.repeat}")
+        numbers = " ".join(map(str, result.failed))
+        print(f"{'':<14}{result.first_failure}")
+        print(f'{"":<14}python -m tests.faults --row "{result.row}" --trial {numbers}')
 
 
 if __name__ == "__main__":

@@ -1,7 +1,8 @@
 """Trials in which one system call on the results folder fails, or is the last one: by strace.
 
-What undisturbed runs call is looked up first; then each call meets each error. A write that takes
-only a part is met on full disks (`disks.py`): strace cannot make one.
+What an undisturbed run calls is looked up first. Each call with each error is a case; the trials
+take them in an order of fixed seed, so that however few they are, they come from all of a run. A
+write that takes only a part is met on full disks (`disks.py`): strace cannot make one.
 """
 
 import os
@@ -10,6 +11,7 @@ import shutil
 import signal
 import subprocess
 from pathlib import Path
+from random import Random
 
 from tests.faults.row import NotHere, Trial, expect
 from tests.faults.study import Running, command, go_on, start
@@ -17,13 +19,15 @@ from tests.faults.study import Running, command, go_on, start
 CALLS = ("openat", "write", "fsync", "rename", "mkdir", "unlink", "unlinkat", "rmdir", "ftruncate")
 FAULTS = ("error=ENOSPC", "error=EIO", "error=EINTR", "signal=KILL")
 _CODES = (0, 3, 73, 74)
+_ORDER = 20190127
+"""Seed of the order of the cases (ours)."""
 
 
 def fail_a_call(trial: Trial) -> None:
     """Call number `when` of one kind fails: old or new, never torn, and the command says so."""
-    calls = _calls(trial)
-    name, when = calls[trial.number // len(FAULTS) % len(calls)]
-    fault = FAULTS[trial.number % len(FAULTS)]
+    cases = [(*call, fault) for call in _calls(trial) for fault in FAULTS]
+    Random(_ORDER).shuffle(cases)
+    name, when, fault = cases[trial.number % len(cases)]
     what = f"{name} number {when}, {fault}"
     results = trial.folder / "results"
     again = command(trial.bench, results)

@@ -1,0 +1,22 @@
+"""What stands in a folder; Python tries all calls again that a signal interrupts, but not these."""
+
+import os
+from contextlib import suppress
+from fnmatch import fnmatchcase
+from pathlib import Path
+
+
+def listed(folder: Path, pattern: str = "*") -> list[Path]:
+    """The paths in `folder` whose names match, sorted; none if it is missing. Raises OSError."""
+    try:
+        names = [entry.name for entry in scanned(folder)]
+    except (FileNotFoundError, NotADirectoryError):
+        return []
+    return [folder / name for name in sorted(names) if fnmatchcase(name, pattern)]
+
+
+def scanned(folder: Path) -> list[os.DirEntry[str]]:
+    """The entries of `folder`, in any order. Raises OSError."""
+    while True:
+        with suppress(InterruptedError), os.scandir(folder) as entries:  # EINTR, of network drives
+            return list(entries)
