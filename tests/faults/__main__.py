@@ -7,6 +7,7 @@ import argparse
 import json
 import math
 import os
+import resource
 import sys
 import tempfile
 import time
@@ -64,10 +65,10 @@ def main(arguments: Sequence[str]) -> int:
         for row in rows:
             count = row.share if asked.share else max(math.ceil(row.trials * scale), 1)
             numbers = asked.trial or range(count)
-            began = time.monotonic()
+            began, used = time.monotonic(), _cpu_s()
             results.append(_run(row, numbers, bench, Path(name)))
             if not asked.json:
-                _show(results[-1], time.monotonic() - began)
+                _show(results[-1], time.monotonic() - began, _cpu_s() - used)
     if asked.json:
         print(json.dumps([asdict(result) for result in results]))
     return int(any(result.first_failure for result in results))
@@ -152,10 +153,16 @@ def _tried(row: Row, trial: Trial) -> _Told:
     return _Told(trial.number, seconds, broken, not_here)
 
 
-def _show(result: Result, seconds: float) -> None:
+def _cpu_s() -> float:
+    """Processor time of all trials so far; of an orphan it is not known."""
+    used = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return used.ru_utime + used.ru_stime
+
+
+def _show(result: Result, seconds: float, cpu_seconds: float) -> None:
     counts = f"{result.survived:>7,} of {result.trials:,}"
     print(f"{result.row:<14}{counts:<20}worst {result.worst_s:.2f} s   {result.promise}"
-          f"   ({seconds:.0f} s)", flush=True)  # fmt: skip
+          f"   ({seconds:.0f} s, {cpu_seconds:.0f} s of the processor)", flush=True)  # fmt: skip
     if result.not_here:
         print(f"{'':<14}not tried: {result.not_here}")
     if result.first_failure:
