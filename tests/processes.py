@@ -70,9 +70,15 @@ def alive(pid: int) -> bool:
 
 def workers_of(parent: int) -> list[int]:
     """The joblib workers of this process."""
-    return [
-        pid for pid in children(parent) if "popen_loky" in Path(f"/proc/{pid}/cmdline").read_text()
-    ]
+    return [pid for pid in children(parent) if b"popen_loky" in command_line(pid)]
+
+
+def command_line(pid: int) -> bytes:
+    """The words that a process was started with; nothing if it has ended."""
+    try:
+        return Path(f"/proc/{pid}/cmdline").read_bytes()
+    except OSError:
+        return b""
 
 
 def words_of(root: Path) -> list[str]:

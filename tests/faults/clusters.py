@@ -21,7 +21,7 @@ from tests.faults.study import (
     undisturbed,
     wait_until,
 )
-from tests.processes import children
+from tests.processes import children, command_line
 
 _TIME_TO_LIVE_S, _BEYOND_S = 10, 30
 """Dask's is 300 s; the trials would only wait longer."""
@@ -74,7 +74,7 @@ def _on_a_local_one(
     processes.append(process)
 
     def disturb() -> None:
-        workers = [pid for pid in children(process.pid) if b"spawn_main" in _words(pid)]
+        workers = [pid for pid in children(process.pid) if b"spawn_main" in command_line(pid)]
         if workers:  # else it has ended
             os.kill(trial.rng.choice(workers), signum)
 
@@ -163,10 +163,3 @@ def _relay(port: int, silent: threading.Event) -> int:
 
     threading.Thread(target=accept, daemon=True).start()
     return int(listener.getsockname()[1])
-
-
-def _words(pid: int) -> bytes:
-    try:
-        return Path(f"/proc/{pid}/cmdline").read_bytes()
-    except OSError:
-        return b""

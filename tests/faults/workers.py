@@ -59,7 +59,8 @@ def lose_a_worker(trial: Trial) -> None:
         if kind == "no memory":
             _take_memory_from(pid)
         else:
-            os.kill(pid, signal.SIGKILL if kind == "killed" else signal.SIGSEGV)
+            with suppress(ProcessLookupError):  # it has ended
+                os.kill(pid, signal.SIGKILL if kind == "killed" else signal.SIGSEGV)
     code = process.wait()
     fine = (0,) if kind != "no memory" else (0, 3, 74)
     expect(code in fine, f"{kind}: ended with {code}: {process.last_line()}")
@@ -78,8 +79,9 @@ def _lose_all_of_one_run(trial: Trial) -> None:
     deaths = 0
     while wait_until(lambda: _holders(process, results), process):
         for pid in _holders(process, results):
-            os.kill(pid, signal.SIGKILL)
-            deaths += 1
+            with suppress(ProcessLookupError):
+                os.kill(pid, signal.SIGKILL)
+                deaths += 1
             wait_until(lambda pid=pid: not alive(pid), process)  # type: ignore[misc]
     code = process.wait()
     expect(code == 3, f"ended with {code}, not 3: {process.last_line()}")
