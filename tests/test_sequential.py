@@ -38,13 +38,14 @@ def by_definition(differences: Sequence[Sequence[float]], rule: Registration) ->
         return max(found)
 
     def crosses_at(members: Sequence[int]) -> float:
-        left, gone = list(patterns), 0.0
+        left, gone = list(patterns), 0
+        looked = zip(rule.looks, rule.alpha_spent, strict=True)
+        before = max((alpha for n, alpha in looked if n <= rule.seen), default=0.0)
         for look in range(reached):
             if rule.looks[look] <= rule.seen:  # nothing can be registered about it any more
                 continue
-            if look and rule.looks[look - 1] <= rule.seen:
-                gone = max(gone, rule.alpha_spent[look - 1] * len(patterns))
-            allowed = int(rule.alpha_spent[look] * len(patterns) - gone + 1e-9)
+            left_over = rule.alpha_spent[look] - before
+            allowed = int(left_over * len(patterns) - gone + 1e-9)
             ranks = {p: round(statistic(p, members, look), 9) for p in left}
             best = max(
                 (c for c in {*ranks.values()} if sum(r >= c for r in ranks.values()) > allowed),
@@ -151,6 +152,18 @@ def test_a_look_that_was_seen_leaves_nothing_over() -> None:
     kept, gone = Registration(**plan), Registration(**plan, seen=6)  # type: ignore[arg-type]
     assert decided(flips_of([values], kept), kept) == [1]
     assert decided(flips_of([values], gone), gone) == [None]
+
+
+@pytest.mark.parametrize(("seen", "spent"), [(0, 0.3), (4, 0.15)])
+def test_alpha_that_is_gone_stays_gone(seen: int, spent: float) -> None:
+    """To the last look: of all patterns of signs no more cross any of them than what was left."""
+    rule = Registration(looks=(4, 6, 8), alpha_spent=(0.15, 0.2, 0.3), seen=seen)
+    values = [2.0**-n for n in range(8)]
+    when = [
+        decided(flips_of([[s * v for s, v in zip(signs, values, strict=True)]], rule), rule)
+        for signs in product((1.0, -1.0), repeat=8)
+    ]
+    assert spent - 0.01 < sum(look != [None] for look in when) / 2**8 <= spent
 
 
 def test_claims_with_fewer_seeds_are_judged_where_they_are() -> None:

@@ -79,10 +79,7 @@ def _boundary(highest: Any, before: Any, number: int, rule: Registration) -> flo
 
     if rule.looks[number] <= rule.seen:
         return math.inf  # whoever has looked already can register nothing about it
-    used = 0.0 if before is None else int(np.count_nonzero(before))
-    if number and rule.looks[number - 1] <= rule.seen:
-        # Looked at before it was registered: that alpha is gone, whether it could be used or not.
-        used = max(used, rule.alpha_spent[number - 1] * len(highest))
+    used = rule.gone * len(highest) + (0 if before is None else int(np.count_nonzero(before)))
     allowed = math.floor(rule.alpha_spent[number] * len(highest) - used + TOLERANCE)
     candidates = highest if before is None else highest[~before]
     if allowed < 1 or allowed >= len(candidates):

@@ -159,6 +159,12 @@ class Registration:
         """What is spent by the last look."""
         return self.alpha_spent[-1]
 
+    @property
+    def gone(self) -> float:
+        """What is spent by the looks that had been seen, whether it could be used or not."""
+        spent = zip(self.looks, self.alpha_spent, strict=True)
+        return max((alpha for seeds, alpha in spent if seeds <= self.seen), default=0.0)
+
     def share(self, look: int) -> float:
         """What look number 0, 1, ... may spend at least, whatever was left before it."""
         return self.alpha_spent[look] - (self.alpha_spent[look - 1] if look else 0.0)
