@@ -137,10 +137,22 @@ def test_the_plan_says_what_it_does(tmp_path: Path) -> None:
     assert "16 runs: 12 finished, 4 new" in said
 
 
-def test_a_look_that_was_seen_is_told(tmp_path: Path) -> None:
-    """It is the next one, and can decide nothing."""
-    said = asked(tmp_path, "--dry-run", more=f"{RULE}seen = 6\n{THIRD}")
-    assert "to look 1 of 3, which decides nothing: it was seen before" in " ".join(said.out.split())
+@pytest.mark.parametrize(
+    ("rule", "look"),
+    [
+        (f"{RULE}seen = 6\n", "look 3 of 3, seeds 1 to 12"),
+        (f"{RULE}seen = 6\nseen_in = {{ pursuit-n6 = 0 }}\n", "look 1 of 3, seeds 1 to 6"),
+        (RULE.replace("0.04,", "0.03,"), "look 2 of 3, seeds 1 to 8"),
+        (RULE.replace("[6, 8, 12]", "[3, 4, 5]"), "no claim is open at a look that is left"),
+    ],
+    ids=["seen", "seen elsewhere", "no p so small", "never"],
+)
+def test_a_look_that_can_decide_nothing_is_passed_over(
+    tmp_path: Path, rule: str, look: str
+) -> None:
+    """It had been seen, or so few seeds cannot have a p that it may spend."""
+    said = asked(tmp_path, "--dry-run", more=f"{rule}{THIRD}")
+    assert look in " ".join(f"{said.out} {said.err}".split())
 
 
 @pytest.mark.parametrize(

@@ -45,6 +45,18 @@ def test_the_shipped_questions_decide_nothing_at_six_seeds(tmp_path: Path) -> No
     )
 
 
+def test_what_was_seen_in_another_game_takes_nothing(tmp_path: Path) -> None:
+    """Six seeds decide where they had not been looked at, and say under which name."""
+    seen = replace(AT_SIX, seen=6)
+    elsewhere = replace(seen, seen_in={"pursuit-n6": 0})
+    records = arms(tmp_path, HIGH, LOW)
+    here, there = (verdict_on(records, rule=rule) for rule in (seen, elsewhere))
+    assert (here.verdict, there.verdict) == ("undecided", "supported")
+    assert "that alpha is gone" in here.reason
+    assert "gone" not in there.reason
+    assert f"before {registered_as(asking(CLAIM), 'pursuit-n6')} was registered" in there.reason
+
+
 @pytest.mark.parametrize(
     ("better", "worse", "then"), [(HIGH, LOW, "supported"), (LOW, HIGH, "contradicted")]
 )
@@ -135,7 +147,7 @@ def test_an_interval_within_the_margin_is_level(tmp_path: Path) -> None:
     assert (level.verdict, level.difference) == ("level", 0.0)
     assert level.reason.endswith(
         "surely within 1 of 0; 24 of the runs are from before "
-        f"{registered_as(asking(CLAIM, rule=rule))} was registered"
+        f"{registered_as(asking(CLAIM, rule=rule), 'pursuit-n6')} was registered"
     )
     wide = verdict_on(arms(tmp_path / "2", [10, 20] * 6, [20, 10] * 6), rule=rule)
     assert wide.verdict == "undecided"
@@ -170,7 +182,7 @@ def test_measures_are_families_of_their_own(tmp_path: Path) -> None:
 
 def test_a_changed_registration_is_told(tmp_path: Path) -> None:
     """Runs that were trained under another one, or under none; those under this one are not."""
-    this = registered_as(asking(CLAIM))
+    this = registered_as(asking(CLAIM), "pursuit-n6")
     records = arms(tmp_path, HIGH, LOW)
     for number, name in enumerate([None] * 3 + ["test:00000000"] * 2 + [this] * 7):
         records[number] = replace(

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from msgdrop_cli.definition.load import load_definition
+from msgdrop_cli.definition.load import list_definitions, load_definition
 from msgdrop_cli.definition.registration import registered_as
 from msgdrop_cli.definition.spec import Registration
 from msgdrop_cli.definition.strict import build
@@ -19,6 +19,21 @@ looks = [6, 10]
 alpha_spent = [0.02, 0.05]
 margin = { score = 1 }
 """
+
+
+NAMES = {
+    "architecture": "f46f0e1b",
+    "autoencoder": "29c3c073",
+    "blockwise-vs-elementwise": "ea930d55",
+    "broken-links": "885a92ad",
+    "dropout-rate": "e6a1767e",
+    "message-scale": "1b0f0059",
+    "navigation": "0a72786f",
+    "own-observation": "c7762b25",
+    "trained-through": "7e81e18f",
+    "waterworld": "412388b1",
+}
+"""What the runs that were planned under these registrations have in their records."""
 
 
 def test_an_order_is_its_neighbours(tmp_path: Path) -> None:
@@ -58,13 +73,13 @@ def test_a_registration_is_read(tmp_path: Path) -> None:
     file = tmp_path / "mine.toml"
     file.write_text(GOOD)
     assert load_definition(str(file)).registration is None
-    assert registered_as(load_definition(str(file))) is None
+    assert registered_as(load_definition(str(file)), "tiny-n2") is None
     file.write_text(GOOD + REGISTERED)
     read = load_definition(str(file))
     assert read.registration == Registration(
         looks=(6, 10), alpha_spent=(0.02, 0.05), sides=2, margin={"score": 1.0}, seen=0
     )
-    assert re.fullmatch("mine:[0-9a-f]{8}", registered_as(read) or "")
+    assert re.fullmatch("mine:[0-9a-f]{8}", registered_as(read, "tiny-n2") or "")
 
 
 @pytest.mark.parametrize(
@@ -90,8 +105,29 @@ def test_a_registration_is_known_by_what_can_change_a_verdict(
     assert old in GOOD + REGISTERED
     for text in (GOOD + REGISTERED, (GOOD + REGISTERED).replace(old, new, 1)):
         file.write_text(text)
-        names.append(registered_as(load_definition(str(file))))
+        names.append(registered_as(load_definition(str(file)), "tiny-n2"))
     assert (names[0] == names[1]) == same
+
+
+def test_what_was_seen_in_one_game_leaves_the_name_of_the_other(tmp_path: Path) -> None:
+    """Records of the game that had been seen go on under the name they were trained under."""
+    names = []
+    for seen in ("", "seen = 6", "seen = 6\nseen_in = { tiny-n4 = 0 }"):
+        file = tmp_path / "mine.toml"
+        file.write_text(f"{GOOD}{REGISTERED}{seen}\n")
+        read = load_definition(str(file))
+        names.append([registered_as(read, game) for game in read.environments])
+    of_none, of_all, of_one = names
+    assert of_one == [of_all[0], of_none[1]]
+    assert of_none[0] == of_none[1] != of_all[0]
+
+
+def test_shipped_registrations_keep_their_names() -> None:
+    """Else their runs would be said to have been trained under another one."""
+    questions = map(load_definition, list_definitions())
+    names = {each.name: {registered_as(each, game) for game in each.environments}
+             for each in questions}  # fmt: skip
+    assert names == {name: {f"{name}:{known}"} for name, known in NAMES.items()}
 
 
 @pytest.mark.parametrize(
@@ -108,6 +144,9 @@ def test_a_registration_is_known_by_what_can_change_a_verdict(
         ("score = 1", "score = 0", ": a margin must be above 0"),
         ("score = 1", "scores = 1", ".margin.scores: no claim compares it; did you mean 'score'?"),
         ("looks", "seen = -1\nlooks", ": seen cannot be negative"),
+        ("looks", "seen_in = { tiny-n2 = -1 }\nlooks", ": seen cannot be negative"),
+        ("looks", "seen_in = { tiny-n22 = 0 }\nlooks",
+         ".seen_in: 'tiny-n22' is not in this file; did you mean 'tiny-n2'?"),
         ("looks", "sides = 3\nlooks", ".sides: expected one of 1, 2, not 3"),
         ("looks", "look = 3\nlooks", ".look: unknown key; did you mean 'looks'?"),
     ],

@@ -29,6 +29,12 @@ def test_a_look_that_can_decide_is_enough(tmp_path: Path) -> None:
     assert forecast(tmp_path, [9, 10, 11, 10], rule) == Prospect(6, True)
 
 
+def test_a_look_that_had_been_seen_decides_nothing(tmp_path: Path) -> None:
+    """The forecast is of the one after it."""
+    rule = replace(AT_SIX, margin={}, seen=6)
+    assert forecast(tmp_path, [9, 10, 11, 10], rule) == Prospect(8, True)
+
+
 @pytest.mark.parametrize("differences", [[9, 10], [0, 0, 0], [10, -10, 9, -9, 1]])
 def test_there_is_none_of_nothing(tmp_path: Path, differences: list[int]) -> None:
     """Two seeds tell no spread, equal ones have none, and a hundredth of it is out of reach."""

@@ -39,9 +39,10 @@ def judge_claims(
                 )
             else:
                 families.setdefault((group, claim.family), {})[number] = pair
-    name = registered_as(definition)
+    rule = definition.registration
     for (group, family), pairs in families.items():
-        judged = judge_family([*pairs.values()], definition.registration)
+        name = registered_as(definition, group.environment)
+        judged = judge_family([*pairs.values()], rule and rule.in_game(group.environment))
         asked = sum((c.environment, c.family) == (group.environment, family) for c in claims)
         for (number, pair), verdict in zip(pairs.items(), judged, strict=True):
             told = _with_registrations(verdict, pair, name)

@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from typing import NamedTuple
 
+from msgdrop_cli.analysis.sign_flips import smallest_p
 from msgdrop_cli.analysis.verdict import Verdict
 from msgdrop_cli.definition.spec import Registration
 
@@ -24,7 +25,7 @@ class NextLook(NamedTuple):
 
 
 def next_looks(verdicts: Sequence[Verdict], rule: Registration) -> list[NextLook]:
-    """For the arms of every open claim the first look that the claim has not reached.
+    """For the arms of every open claim the first look not reached yet that can decide anything.
 
     An arm of several open claims is due at the last of their looks. What is decided needs no arm,
     and an open claim without a look that is left none either.
@@ -32,9 +33,10 @@ def next_looks(verdicts: Sequence[Verdict], rule: Registration) -> list[NextLook
     waiting: dict[tuple[str, int], int] = {}
     due: dict[tuple[str, str], int] = {}
     for verdict in verdicts:
-        reached = verdict.evidence.look if verdict.evidence else 0
-        if verdict.verdict in _OPEN and reached < len(rule.looks):
-            claim, look = verdict.claim, reached + 1
+        claim, reached = verdict.claim, verdict.evidence.seeds if verdict.evidence else 0
+        able = [n for n in deciding_looks(rule.in_game(claim.environment)) if n > reached]
+        if verdict.verdict in _OPEN and able:
+            look = rule.looks.index(able[0]) + 1
             waiting[claim.environment, look] = waiting.get((claim.environment, look), 0) + 1
             for variant in (claim.better, claim.worse):
                 arm = (claim.environment, variant)
@@ -52,3 +54,12 @@ def next_looks(verdicts: Sequence[Verdict], rule: Registration) -> list[NextLook
         )
         for (environment, look), variants in sorted(arms.items())
     ]
+
+
+def deciding_looks(rule: Registration) -> list[int]:
+    """The looks of one game, as numbers of seeds, at which a claim can get a verdict.
+
+    They come after what had been seen, and their smallest p is not above the alpha there is.
+    """
+    spent = zip(rule.looks, rule.alpha_spent, strict=True)
+    return [n for n, a in spent if n > rule.seen and smallest_p(n, rule.sides) <= a - rule.gone]

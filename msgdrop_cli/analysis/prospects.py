@@ -39,6 +39,8 @@ def prospect(pair: Pair, look: int, rule: Registration, family: int) -> Prospect
     effect = abs(mean(values)) / spread
     for number in range(look, len(rule.looks)):
         seeds = rule.looks[number]
+        if seeds <= rule.seen:
+            continue  # a look that is gone decides nothing
         share = rule.share(number)
         if smallest_p(seeds, rule.sides) <= share and effect * math.sqrt(seeds) >= _far(
             share / rule.sides / family

@@ -280,13 +280,14 @@ def _section(
     if figure:
         title = f"Figure {name.removeprefix('figure-')}: {figure.shows}"
         measures, environments = tuple(figure.measures), figure.environments
+    names = (registered_as(definition, each) for each in environments)
     return Section(
         key=name,
         title=title,
         question=definition.name,
         asks=definition.question,
         source=definition.source,
-        registered=registered_as(definition),
+        registered=", ".join(dict.fromkeys(filter(None, names))) or None,
         registration=definition.registration,
         measures=measures,
         environments=environments,

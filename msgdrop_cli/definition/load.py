@@ -143,7 +143,10 @@ def _parsed(name: str, file: str, content: bytes, *, shipped: bool) -> Definitio
         for each in _claims(claim, read, where.at("claims").at(str(number)))
     )
     if read.registration:
-        _check_registration(read.registration, claims, where.at("registration"))
+        place = where.at("registration")
+        _check_registration(read.registration, claims, place)
+        if games := tuple(read.registration.seen_in):
+            _check_known(games, read.environments, place.at("seen_in"))
     return Definition(
         name=name,
         file=file,

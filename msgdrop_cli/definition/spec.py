@@ -2,7 +2,7 @@
 
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from typing import Any, Literal
 
@@ -140,6 +140,8 @@ class Registration:
     seen: int = 0
     """Seeds that had been looked at before this was registered; the alpha of that look is spent,
     e.g. `0`."""
+    seen_in: Mapping[str, int] = field(default_factory=dict)
+    """The games in which it was another number of seeds, e.g. `{ pursuit-n6 = 0 }`."""
 
     def __post_init__(self) -> None:
         increasing = all(0 < a < b for a, b in pairwise((1, *self.looks)))
@@ -151,8 +153,12 @@ class Registration:
             raise ValueError("alpha_spent adds up: numbers between 0 and 1 that do not decrease")
         if any(margin <= 0.0 for margin in self.margin.values()):
             raise ValueError("a margin must be above 0")
-        if self.seen < 0:
+        if min(self.seen, *self.seen_in.values(), 0) < 0:
             raise ValueError("seen cannot be negative")
+
+    def in_game(self, environment: str) -> "Registration":
+        """What decides the claims of one game: what was seen in others is nothing to it."""
+        return replace(self, seen=self.seen_in.get(environment, self.seen), seen_in={})
 
     @property
     def alpha(self) -> float:

@@ -74,10 +74,8 @@ def looks_in_words(looks: Sequence[NextLook], rule: Registration) -> str:
         return "auto: no claim is open at a look that is left"
     words = []
     for each in looks:
-        gone = ", which decides nothing: it was seen before it was registered"
         words.append(
-            f"{each.environment} to look {each.look} of {len(rule.looks)}"
-            f"{gone if each.seeds <= rule.seen else ''}, seeds 1 to {each.seeds}"
+            f"{each.environment} to look {each.look} of {len(rule.looks)}, seeds 1 to {each.seeds}"
             f" of {', '.join(each.variants)} ({several(each.claims, 'open claim')})"
         )
     return f"auto: {'; '.join(words)}"

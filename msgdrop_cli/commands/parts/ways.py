@@ -4,8 +4,8 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
 
+from msgdrop_cli.analysis.next_looks import deciding_looks
 from msgdrop_cli.analysis.reproduction import Answer, Decides, Line, Section
-from msgdrop_cli.analysis.sign_flips import smallest_p
 from msgdrop_cli.analysis.verdict import Word
 from msgdrop_cli.commands.parts.answers import Answers, Scale, whole
 from msgdrop_cli.commands.parts.estimate import cohorts
@@ -100,7 +100,8 @@ class _Guide:
         """The line with its command and what would decide it."""
         shown = line.shown
         scale = self.answers.scales[shown.profile] if shown else self._first_scale(line)
-        seeds = self._seeds_there(line, scale) if shown else set(range(1, self._first_look() + 1))
+        first = range(1, self._first_look(line) + 1)
+        seeds = self._seeds_there(line, scale) if shown else {*first}
         return replace(
             line,
             command=self._command(line, figure, scale, seeds),
@@ -143,13 +144,14 @@ class _Guide:
             arms = [arm for each in mates for arm in (each.better, each.worse)]
             return list(dict.fromkeys(arms)), shown.evidence.seeds
         there = shown.seeds if shown else 0
-        looks = [look for look in _deciding_looks(rule) if look > there]
+        looks = [n for n in deciding_looks(rule.in_game(line.environment)) if n > there]
         return (line.better, line.worse), looks[0] if looks else None
 
-    def _first_look(self) -> int:
-        """The first look that can decide anything."""
-        rule = self.definition.registration
-        return _deciding_looks(rule)[0] if rule else 1
+    def _first_look(self, line: Line) -> int:
+        """The first look that can decide anything, or else the first."""
+        if (rule := self.definition.registration) is None:
+            return 1
+        return (deciding_looks(rule.in_game(line.environment)) or rule.looks)[0]
 
     def _first_scale(self, line: Line) -> Scale:
         """The scale to begin with, of those at which something judges the claim.
@@ -235,13 +237,6 @@ class _Guide:
                 seeds=(1,),
             )
         return self.plans[scale]
-
-
-def _deciding_looks(rule: Registration) -> list[int]:
-    """Those that come after what had been seen, and whose smallest p is small enough."""
-    spent = zip(rule.looks, rule.alpha_spent, strict=True)
-    able = [n for n, alpha in spent if n > rule.seen and smallest_p(n, rule.sides) <= alpha]
-    return able or [rule.looks[-1]]
 
 
 def _count(definition: Definition, profile: str) -> int:

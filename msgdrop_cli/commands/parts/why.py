@@ -153,7 +153,7 @@ def _compared(record: RunRecord, today: Plan) -> tuple[str, str]:
     missing = [c.word for c in today.channels if len(played.get(c, ())) < asked_for]
     if missing:
         return "incomplete", f"fewer than {asked_for:,} episodes through {', '.join(missing)}"
-    then, now = record.registration or "", registered_as(today.definition)
+    then, now = record.registration or "", registered_as(today.definition, record.environment)
     if then != now and then.partition(":")[0] == today.definition.name:
         return "stale", "trained under another registration, as its verdicts will say"
     return _CURRENT, ""

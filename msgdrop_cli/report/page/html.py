@@ -146,9 +146,13 @@ def _registered(section: Section) -> str:
     alphas = ", ".join(f"{alpha:g}" for alpha in rule.alpha_spent)
     margins = ", ".join(f"{m:g} {each.replace('_', ' ')}" for each, m in rule.margin.items())
     sides = "both sides" if rule.sides == 2 else "one side"
-    seen = f" Up to {rule.seen} seeds had been seen before: that alpha is spent." * (rule.seen > 0)
+    seen = {each: rule.in_game(each).seen for each in section.environments}
+    alike = len({*seen.values()}) == 1
+    before = [f"{n} seeds{'' if alike else f' of {each}'}" for each, n in seen.items() if n]
+    told = ", ".join(dict.fromkeys(before))
+    gone = f" Up to {told} had been seen before: that alpha is spent." if before else ""
     level = f", level within {margins}" if margins else ""
-    return f"Registered: looks at {looks} seeds, alpha spent {alphas}, {sides}{level}.{seen}"
+    return f"Registered: looks at {looks} seeds, alpha spent {alphas}, {sides}{level}.{gone}"
 
 
 def _figure(picture: Picture, image: Html | None) -> Html:
