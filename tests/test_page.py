@@ -5,7 +5,7 @@ import re
 from dataclasses import replace
 from html.parser import HTMLParser
 
-from msgdrop_cli.analysis.reproduction import Decides
+from msgdrop_cli.analysis.reproduction import WORDS, Decides
 from msgdrop_cli.definition.readings import all_readings
 from msgdrop_cli.definition.statements import parse_register, read_register
 from msgdrop_cli.report.page.content import Picture, decides
@@ -100,6 +100,19 @@ def test_all_words_are_counted() -> None:
     others = [replace(line, papers=False) for line in whole.sections[0].lines]
     section = replace(whole.sections[0], lines=tuple(others))
     assert sum(replace(whole, sections=(section,)).counts.values()) == 0
+
+
+def test_what_no_registered_question_gives_is_shown_only_where_it_is() -> None:
+    """Six words, none of them left out for being 0, in every table and list; or all seven."""
+    six = tuple(word for word in WORDS if word != "estimate")
+    for shown in (WORDS, six):
+        made = page(words=shown)
+        assert made.words == [*shown]
+        text = html(made).decode()
+        assert re.findall(r'<button[^>]* data-word="([^"]*)"', text) == [*shown]
+        assert ('<dt><span class="chip estimate' in text) == (shown == WORDS)
+        assert f"| figure | {' | '.join(shown)} |" in markdown(made).decode()
+    assert page(words=("supported",)).words == [*six]
 
 
 def test_the_document_is_json() -> None:

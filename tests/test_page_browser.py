@@ -121,6 +121,16 @@ def test_a_phone_shows_all_of_it(tab: Browser, file: Path) -> None:
     assert tab.says(wide) == 390
 
 
+@pytest.mark.parametrize(("width", "rows"), [(1200, 1), (1130, 1), (1000, 3), (400, 4)])
+def test_words_stand_in_whole_rows(tab: Browser, file: Path, width: int, rows: int) -> None:
+    """Seven of them, too, and none reaches out of its card."""
+    tab.open(file, width=width)
+    tops = "new Set([...document.querySelectorAll('.counts li')].map(e => e.offsetTop)).size"
+    assert tab.says(tops) == rows
+    cards = "[...document.querySelectorAll('.counts button')]"
+    assert tab.says(f"{cards}.some(each => each.scrollWidth > each.offsetWidth)") is False
+
+
 def test_dark_rooms_have_a_dark_page(tab: Browser, file: Path) -> None:
     """Whoever prefers it."""
     colour = "getComputedStyle(document.body).backgroundColor"

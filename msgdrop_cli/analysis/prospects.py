@@ -18,6 +18,10 @@ _IN_REACH = 5
 """Times the seeds of the last look: what would take more is not forecast."""
 
 
+TOO_FEW = f"below {_FEWEST} seeds there is no forecast"
+"""What is said of a claim that nobody has run, too."""
+
+
 class Prospect(NamedTuple):
     """When an open claim would be decided if what was seen goes on."""
 
@@ -57,7 +61,7 @@ def no_forecast(pair: Pair, rule: Registration) -> str:
     """Why `prospect` has nothing to say of an open claim."""
     values = [*pair.differences.values()]
     if len(values) < _FEWEST:
-        return f"below {_FEWEST} seeds there is no forecast"
+        return TOO_FEW
     if not stdev(values):
         return "all seeds differ alike, so there is no forecast"
     return f"as it stands {_IN_REACH * rule.looks[-1]} seeds would probably not decide"

@@ -107,8 +107,9 @@ def _show(page: "Page", paths: list[Path]) -> None:
     under, other = page.under_readings(), page.other_readings()
     console.facts(
         {
-            word: f"{count}" + (f" ({under[word]} under {other})" if under[word] else "")
-            for word, count in page.counts.items()
+            word: f"{page.counts[word]}"
+            + (f" ({under[word]} under {other})" if under[word] else "")
+            for word in page.words
         },
         is_result=True,
     )

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from msgdrop_cli.analysis.next_looks import deciding_looks
+from msgdrop_cli.analysis.prospects import TOO_FEW
 from msgdrop_cli.analysis.reproduction import Answer, Decides, Line, Section
 from msgdrop_cli.analysis.verdict import Word
 from msgdrop_cli.commands.parts.answers import Answers, Scale, whole
@@ -154,7 +155,7 @@ class _Guide:
         return (deciding_looks(rule.in_game(line.environment)) or rule.looks)[0]
 
     def _first_scale(self, line: Line) -> Scale:
-        """The scale to begin with, of those at which something judges the claim.
+        """The scale to begin with, of those at which something has both arms of the claim.
 
         That of its neighbours, or the one with most seeds in hours, or days.
         """
@@ -179,7 +180,10 @@ class _Guide:
         return f"msgdrop ablate {name} --profile {scale.profile}{under} --seeds {_listed(seeds)}"
 
     def _asked_by(self, line: Line, scale: Scale) -> list[str]:
-        """What judges the claim at a scale: its question, or the figures that leave nothing out."""
+        """What trains and evaluates both arms at a scale: the question, or a figure that it has.
+
+        Figures leave no variant out. One that shows another measure has runs for this one, too.
+        """
         profile = self.definition.profiles[scale.profile]
         if line.environment in (profile.environments or self.definition.environments) and {
             line.better,
@@ -189,9 +193,7 @@ class _Guide:
         return [
             name
             for name, each in all_figures().items()
-            if each.question == line.question
-            and line.environment in each.environments
-            and line.measure in each.measures
+            if each.question == line.question and line.environment in each.environments
         ]
 
     def _decides(self, line: Line, scale: Scale) -> Decides | None:
@@ -216,7 +218,7 @@ class _Guide:
             seconds=spent.likely,
             source=source,
             family=waits,
-            unforeseen=shown.unforeseen if shown and not waits else "",
+            unforeseen="" if waits else (shown.unforeseen if shown else TOO_FEW),
         )
 
     def _planned(self, scale: Scale, environment: str, variant: str) -> PlannedRun:

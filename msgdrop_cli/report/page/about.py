@@ -132,9 +132,7 @@ def _makers(page: Page) -> Html:
 
 
 def _words(page: Page) -> Html:
-    terms = [
-        join(el("dt", chip(word)), el("dd", f"{meaning}.")) for word, meaning in MEANINGS.items()
-    ]
+    terms = [join(el("dt", chip(word)), el("dd", f"{MEANINGS[word]}.")) for word in page.words]
     rule = (
         "Arms of one seed meet the same games, so a claim is a row of paired differences. An exact "
         "sign-flip test follows them along the registered looks, together with the other claims of "

@@ -6,7 +6,14 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 from msgdrop_cli.analysis.provenance import Dropped, Maker
-from msgdrop_cli.analysis.reproduction import Decides, Line, Reading, Section, counts
+from msgdrop_cli.analysis.reproduction import (
+    WORDS,
+    Decides,
+    Line,
+    Reading,
+    Section,
+    counts,
+)
 from msgdrop_cli.analysis.verdict import Word
 from msgdrop_cli.definition.statements import Register
 from msgdrop_cli.report.table import NOTHING, Table
@@ -75,6 +82,12 @@ class Page:
     def lines(self) -> list[Line]:
         """Every claim."""
         return [line for section in self.sections for line in section.lines]
+
+    @property
+    def words(self) -> list[Word]:
+        """Those that it shows; `estimate`, which no registered question gives, only where it is."""
+        found = {line.word for line in self.lines}
+        return [word for word in WORDS if word != "estimate" or word in found]
 
     @property
     def counts(self) -> dict[Word, int]:

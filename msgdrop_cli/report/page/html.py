@@ -88,8 +88,8 @@ def _header(page: Page) -> Html:
 def _counts(page: Page) -> Html:
     other = page.under_readings()
     items = []
-    for word, count in page.counts.items():
-        inside = [el("b", str(count)), chip(word)]
+    for word in page.words:
+        inside = [el("b", str(page.counts[word])), chip(word)]
         if other[word]:
             inside.append(el("small", f"{other[word]} under {page.other_readings()}"))
         button = el("button", *inside, type="button", data_word=word, aria_pressed="false")
@@ -100,12 +100,14 @@ def _counts(page: Page) -> Html:
 def _overview(page: Page) -> Html:
     heads = [el("th", "figure", scope="col", data_sort="text"),
              el("th", "shows", scope="col", data_sort="text")]  # fmt: skip
-    heads += [el("th", word, scope="col", data_sort="number") for word in WORDS]
+    heads += [el("th", word, scope="col", data_sort="number") for word in page.words]
     rows = []
     for section in page.sections:
         name, _, shows = section.title.partition(": ")
         cells = [el("td", shows or section.asks, class_="shows")]
-        for word, count in counts(section.lines).items():
+        found = counts(section.lines)
+        for word in page.words:
+            count = found[word]
             kind = word.replace(" ", "-") if count else "none"
             cells.append(
                 el("td", str(count) if count else "·", data_v=str(count), data_label=word,

@@ -1,6 +1,6 @@
 """The page as Markdown: the same tables, without pictures and colours."""
 
-from msgdrop_cli.analysis.reproduction import WORDS, Line, Section, counts
+from msgdrop_cli.analysis.reproduction import Line, Section, counts
 from msgdrop_cli.report.page.content import (
     MEANINGS,
     PAPER,
@@ -45,8 +45,7 @@ def _counts(page: Page) -> Table:
         title="The paper's claims by their word",
         headers=("word", "claims", "of these under another reading", "meaning"),
         rows=tuple(
-            (word, str(count), str(other[word]), MEANINGS[word])
-            for word, count in page.counts.items()
+            (word, str(page.counts[word]), str(other[word]), MEANINGS[word]) for word in page.words
         ),
         caption=page.times(),
     )
@@ -54,10 +53,11 @@ def _counts(page: Page) -> Table:
 
 def _overview(page: Page) -> Table:
     rows = [
-        (section.title, *(str(count) for count in counts(section.lines).values()))
+        (section.title, *(str(counts(section.lines)[word]) for word in page.words))
         for section in page.sections
     ]
-    return Table(title="Figure by figure", headers=("figure", *WORDS), rows=tuple(rows), caption="")
+    headers = ("figure", *page.words)
+    return Table(title="Figure by figure", headers=headers, rows=tuple(rows), caption="")
 
 
 def _claims(section: Section) -> Table:
