@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from itertools import chain
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, NamedTuple
 
 import typer
 
@@ -14,8 +14,9 @@ from msgdrop_cli.definition.plan import Plan, plan
 from msgdrop_cli.definition.spec import Definition
 from msgdrop_cli.errors import DefinitionError, RecordError
 from msgdrop_cli.records.counted import copies_of, preferred
+from msgdrop_cli.records.elsewhere import keep_elsewhere, read_elsewhere, runs_beside
 from msgdrop_cli.records.files import write_bytes_atomic
-from msgdrop_cli.records.store import RUN, RunRecord, list_runs
+from msgdrop_cli.records.store import ENDED, RUN, RunRecord, list_runs
 from msgdrop_cli.records.sums import list_sums, listed
 from msgdrop_cli.report.write import FIGURES, Folder
 
@@ -42,8 +43,9 @@ def publish(
 ) -> int:
     """Copy a question's finished runs to be committed.
 
-    The numbers of every run go along, the policy of each variant's lowest seed. Tables and figures
-    are of all runs that are published then, those of before included; SHA256SUMS lists every file.
+    The numbers of every run go along, the policy of each variant's lowest seed. Runs that another
+    study in the same folder has are named (elsewhere.json), not copied. Tables and figures are of
+    all runs that are published then, those of before included; SHA256SUMS lists every file.
     """
     options.check_place(to, "--to")
     definition = load_definition(name)
@@ -57,35 +59,55 @@ def publish(
 
     asked = plan(definition, profile, catalogue(), readings=reading or (), seeds=chosen)
     folder = Folder(to).at(f"{definition.name}-{asked.profile}")
-    records = _runs(asked, results, to.joinpath(folder.inside))
-    if not records:
+    records, elsewhere = _runs(asked, results, to.joinpath(folder.inside))
+    if not records and not elsewhere:
         what = f"{results}: holds no finished run of {definition.name}, profile {asked.profile}"
         raise DefinitionError(f"{what} (train them: {_command(name, profile, reading or ())})")
-    references = references_of(records, folder.made(), kept_in=folder.made())
-    study = study_of(records, definition, asked.profile, references)
+    references = references_of([*records, *elsewhere], folder.made(), kept_in=folder.made())
+    study = study_of(records, definition, asked.profile, references, elsewhere)
     note_left_out(study.summary)
-    copies = copy(records, folder)  # what cannot be summarised is not published
+    copies = copy(records, folder, elsewhere)  # what cannot be summarised is not published
+    named = keep_elsewhere(folder.made(), elsewhere)
     written = write_study(study, folder)
     _keep_question(definition, folder.made())
     _remove_stale(folder.made(), written.figures)
-    made = {"runs": copies, "tables": [written.page], "figures": written.figures}
+    made = {"runs": copies, "elsewhere": named, "tables": [written.page]}
+    made |= {"figures": written.figures}
     _show({**made, "sums": [list_sums(folder.made())]}, as_json=json)
     return 0
 
 
-def _runs(asked: Plan, results: Path, published: Path) -> list[RunRecord]:
+class _Runs(NamedTuple):
+    """What a study is of."""
+
+    here: list[RunRecord]
+    """Those that are to lie in its folder, or do."""
+    elsewhere: list[RunRecord]
+    """Those that lie in another study beside it."""
+
+
+def _runs(asked: Plan, results: Path, study: Path) -> _Runs:
     """The plan's finished runs, by its names, and those that are published already."""
     from msgdrop_cli.commands.parts.carry_out import as_planned
 
+    there = list_runs(study) if any(study.glob(f"*/*/{RUN}")) else []
+    kept = {record.run_id: record for record in there}
+    named = {record.run_id: record for record in read_elsewhere(study)}
     copies = copies_of(results, {run.run_id for run in asked.runs})
-    own: dict[str, RunRecord] = {}
+    beside = runs_beside(study, {run.run_id for run in asked.runs})
+    here: dict[str, RunRecord] = {}
     for run in asked.runs:
-        for record in preferred(copies.get(run.run_id, ()))[:1]:
-            if record.is_own and record.status == "done":
-                own.setdefault(run.run_id, as_planned(record, run))
-    there = list_runs(published) if any(published.glob(f"*/*/{RUN}")) else []
-    kept = [record for record in there if record.run_id not in own]
-    return [*own.values(), *kept]
+        [*best] = preferred(copies.get(run.run_id, ()))[:1]
+        if not best or not best[0].is_own or best[0].status not in ENDED:
+            if run.run_id in kept:
+                continue
+            if lies := preferred(beside.get(run.run_id, ())):
+                named[run.run_id] = as_planned(lies[0], run)
+                continue
+        if best and best[0].status == "done":
+            here[run.run_id] = as_planned(best[0], run)
+    here |= {run_id: record for run_id, record in kept.items() if run_id not in here}
+    return _Runs([*here.values()], [each for run_id, each in named.items() if run_id not in here])
 
 
 def _keep_question(definition: Definition, folder: Path) -> None:

@@ -3,6 +3,7 @@
 What is published is made here, and made here again when it is verified.
 """
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
@@ -16,7 +17,13 @@ from msgdrop_cli.records.copies import copy_run, with_policy
 from msgdrop_cli.records.references import References
 from msgdrop_cli.records.store import RunRecord
 from msgdrop_cli.report.figures import draw_all
-from msgdrop_cli.report.table import channels_table, claims_table, results_table, to_markdown
+from msgdrop_cli.report.table import (
+    Table,
+    channels_table,
+    claims_table,
+    results_table,
+    to_markdown,
+)
 from msgdrop_cli.report.write import FIGURES, TABLES, Folder, write_atomic
 
 
@@ -42,15 +49,21 @@ def study_of(
     definition: Definition,
     profile: str,
     references: Mapping[str, References],
+    elsewhere: Sequence[RunRecord] = (),
 ) -> Study:
     """Measure the runs, and judge the claims of their question that this profile can judge.
 
-    profile: as records call it. references: by `game_key`. Raises RecordError for unreadable rows,
-    DefinitionError if the question has no such profile.
+    profile: as records call it. references: by `game_key`. elsewhere: further runs, which lie in
+    other studies; the page says so. Raises RecordError for unreadable rows, DefinitionError if the
+    question has no such profile.
     """
     claims = judged_at(definition, profile)
-    summary = summarise(records, order=tuple(definition.variants), references=references)
-    return Study(summary, claims, tables(summary, judge_claims(claims, summary, definition)))
+    every = [*records, *elsewhere]
+    summary = summarise(every, order=tuple(definition.variants), references=references)
+    page = tables(summary, judge_claims(claims, summary, definition))
+    if elsewhere:
+        page += "\n" + to_markdown(_elsewhere(elsewhere, len(every)))
+    return Study(summary, claims, page)
 
 
 def write_study(study: Study, folder: Folder) -> Written:
@@ -61,14 +74,16 @@ def write_study(study: Study, folder: Folder) -> Written:
     return Written(page, draw_all(study.summary, folder.at(FIGURES), study.claims, suffixes))
 
 
-def publish(records: Sequence[RunRecord], folder: Folder) -> list[Path]:
+def publish(
+    records: Sequence[RunRecord], folder: Folder, elsewhere: Sequence[RunRecord] = ()
+) -> list[Path]:
     """Copy finished runs below a folder: their numbers, packed, and each lowest seed's policy.
 
     A run that lies in the folder stays as it is. One that stands in the place of a copy replaces it
-    as a whole. Returns the paths in the folder. Raises RecordError, damaged (2) or not writable
-    (73, 74), with nothing half-copied.
+    as a whole. elsewhere: runs of the same study that lie in another one. Returns the paths in the
+    folder. Raises RecordError, damaged (2) or not writable (73, 74), with nothing half-copied.
     """
-    policies = with_policy(records)
+    policies = with_policy([*records, *elsewhere])
     copies = []
     for record in records:
         target = folder.at(record.environment).made() / record.path.name
@@ -88,3 +103,16 @@ def tables(summary: Summary, verdicts: Sequence[Verdict]) -> str:
     if verdicts:
         pages.append(claims_table(verdicts))
     return "\n".join(to_markdown(page) for page in pages)
+
+
+def _elsewhere(records: Sequence[RunRecord], total: int) -> Table:
+    """Where the runs lie that are not here."""
+    studies = Counter((each.label, each.environment, each.path.parts[-3]) for each in records)
+    counted = sorted(studies.items())
+    return Table(
+        title="Runs that lie in other studies",
+        headers=("variant", "game", "runs", "study"),
+        rows=tuple((label, game, str(runs), study) for (label, game, study), runs in counted),
+        caption=f"{len(records)} of the {total} runs are published with a study beside this one;"
+        " elsewhere.json names each of them.",
+    )

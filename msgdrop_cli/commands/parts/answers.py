@@ -23,6 +23,7 @@ from msgdrop_cli.definition.run_id import run_id
 from msgdrop_cli.definition.spec import Definition, PlannedRun
 from msgdrop_cli.errors import RecordError
 from msgdrop_cli.records.counted import by_run_id, preferred
+from msgdrop_cli.records.elsewhere import read_elsewhere
 from msgdrop_cli.records.folders import run_folders
 from msgdrop_cli.records.remembering import remembering
 from msgdrop_cli.records.store import RunRecord, list_runs
@@ -65,14 +66,17 @@ class Answers:
 
 
 def readable_runs(root: Path) -> tuple[list[RunRecord], list[Unreadable]]:
-    """Every run in or below a folder; a damaged record is no reason to show none.
+    """Every run in or below a folder, and of a study those that lie in another one.
+
+    A damaged record is no reason to show none.
 
     Raises RecordError for a folder that is not there or cannot be read.
     """
     records, unreadable = [], []
-    for folder in run_folders(root).runs:
+    ways = [(folder, list_runs) for folder in run_folders(root).runs]
+    for folder, read in (*ways, (root, read_elsewhere)):
         try:
-            records += list_runs(folder)
+            records += read(folder)
         except RecordError as error:
             unreadable.append(Unreadable(folder, str(error)))
     return remembering(records, home_of(root)), unreadable

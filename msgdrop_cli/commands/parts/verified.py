@@ -21,6 +21,7 @@ from msgdrop_cli.definition.spec import Definition
 from msgdrop_cli.errors import DefinitionError, MsgdropError, RecordError
 from msgdrop_cli.records.copies import FILES
 from msgdrop_cli.records.counted import PUBLISHED
+from msgdrop_cli.records.elsewhere import ELSEWHERE, read_elsewhere
 from msgdrop_cli.records.folders import run_folders
 from msgdrop_cli.records.own_sums import RUN_SUMS, run_differences
 from msgdrop_cli.records.packed import log_file
@@ -59,41 +60,53 @@ def verified(root: Path, scratch: Path) -> Iterator[Verified]:
     if not studies and not found.runs:
         raise RecordError(f"{root}: holds nothing of msgdrop that could be verified")
     for number, folder in enumerate(studies):
-        yield _study(folder, Folder(scratch).at(str(number)))
+        yield _study(folder, Folder(scratch).at(str(number)), root)
     if others := [run for run in found.runs if not set(run.parents) & set(studies)]:
         yield _others(root, others)
 
 
-def _study(folder: Path, scratch: Folder) -> Verified:
-    """One published folder: its files, its runs, and all that is made of them."""
+def _study(folder: Path, scratch: Folder, root: Path) -> Verified:
+    """One published folder: its files, its runs, and all that is made of them.
+
+    Runs in other studies are checked with those, if they are below `root`, too.
+    """
     looked_at, not_compared = "", list[str]()
     try:
         changed = [*differences(folder)]
         if lexists(folder / SUMS):
             looked_at = several(len(listed(folder)), "file")
-        if changed or not (folders := run_folders(folder).runs):
+        if changed:
             return Verified(folder, looked_at, tuple(changed))
-        records = [list_runs(each)[0] for each in folders]
-        for record in records:
-            not_compared += _checked(record)
-        made, unmade = _made_again(folder, records, scratch)
+        records = [list_runs(each)[0] for each in run_folders(folder).runs]
+        elsewhere = read_elsewhere(folder)
+        if not (every := [*records, *elsewhere]):
+            return Verified(folder, looked_at, ())
+        for record in every:
+            if record in records or root.resolve() not in record.path.parents:
+                not_compared += _checked(record)
+        made, unmade = _made_again(folder, records, elsewhere, scratch)
         not_compared += unmade
-        runs = several(len(records), "run")
+        runs = several(len(every), "run")
         looked_at += f"; {len(made)} of them made again from {runs}"
+        looked_at += f", {len(elsewhere)} in other studies" if elsewhere else ""
         changed += [*_compared(folder, made)]
         not_compared += _left_out(folder, made)
         if made:
-            changed += _strangers(folder, records, {*made, SUMS})
+            changed += _strangers(folder, every, {*made, SUMS, ELSEWHERE})
     except (DefinitionError, RecordError) as error:
         return Verified(folder, looked_at, (_unreadable(folder, error),))
     return Verified(folder, looked_at, tuple(changed), tuple(dict.fromkeys(not_compared)))
 
 
 def _made_again(
-    folder: Path, records: Sequence[RunRecord], scratch: Folder
+    folder: Path,
+    records: Sequence[RunRecord],
+    elsewhere: Sequence[RunRecord],
+    scratch: Folder,
 ) -> tuple[dict[str, Path], list[str]]:
     """What these runs give, by its name in the published folder; or in words why nothing can be."""
-    asked = {(record.definition, record.profile) for record in records}
+    every = [*records, *elsewhere]
+    asked = {(record.definition, record.profile) for record in every}
     if len(asked) > 1:
         names = " and ".join("-".join(each) for each in sorted(asked))
         raise RecordError(f"{folder}: holds runs of {names}; expected those of one question")
@@ -102,10 +115,10 @@ def _made_again(
     if question is None:
         why = f"the question {name} is not known here, and no {name}.toml lies beside its runs"
         return {}, [f"tables and figures ({why})"]
-    games = {game_key(each.setup.environment) for each in records if each.setup}
+    games = {game_key(each.setup.environment) for each in every if each.setup}
     known = {key: find_references(folder, key) for key in games}
     references = {key: each for key, each in known.items() if each is not None}
-    written = write_study(study_of(records, question, profile, references), scratch)
+    written = write_study(study_of(records, question, profile, references, elsewhere), scratch)
     root = scratch.made()
     return {
         each.relative_to(root).as_posix(): each for each in (written.page, *written.figures)

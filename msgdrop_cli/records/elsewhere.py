@@ -1,0 +1,104 @@
+"""Runs that a published study stands on and that lie in another one beside it: named, not copied.
+
+`elsewhere.json` in a study's folder has one entry for each of them, by the names of its question.
+"""
+
+from collections.abc import Container, Iterable, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path, PurePosixPath
+
+from msgdrop_cli.definition.spec import NAME
+from msgdrop_cli.definition.strict import Where, convert
+from msgdrop_cli.errors import DefinitionError, RecordError
+from msgdrop_cli.records.files import read_json, remove_file, write_json_atomic
+from msgdrop_cli.records.folders import RUN
+from msgdrop_cli.records.store import RunRecord, list_runs
+
+ELSEWHERE = "elsewhere.json"
+"""The file in a published folder."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Entry:
+    """A run, and what the study calls it."""
+
+    folder: str
+    """`study/pursuit-n6/dcc-s1-01234567`, from where the studies lie."""
+    run_id: str
+    variant: str
+    label: str
+    overrides: tuple[str, ...]
+    definition: str
+    profile: str
+
+    def __post_init__(self) -> None:
+        parts = PurePosixPath(self.folder).parts
+        if len(parts) != 3 or not all(NAME.fullmatch(part) for part in parts):
+            raise ValueError("folder: expected study/game/run")
+
+
+def keep_elsewhere(study: Path, records: Sequence[RunRecord]) -> list[Path]:
+    """Write which runs of other studies beside it a study stands on; of none there is no file.
+
+    Returns what is written. Raises RecordError (74) if that cannot be.
+    """
+    if not records:
+        remove_file(study / ELSEWHERE)
+        return []
+    entries = [
+        _Entry(
+            folder=record.path.resolve().relative_to(study.resolve().parent).as_posix(),
+            run_id=record.run_id,
+            variant=record.variant,
+            label=record.label,
+            overrides=record.overrides,
+            definition=record.definition,
+            profile=record.profile,
+        )
+        for record in sorted(records, key=lambda each: each.path)
+    ]
+    write_json_atomic(study / ELSEWHERE, [asdict(entry) for entry in entries])
+    return [study / ELSEWHERE]
+
+
+def read_elsewhere(study: Path) -> list[RunRecord]:
+    """The runs of other studies that a study stands on, by its names.
+
+    Raises RecordError (2) for a list that is damaged, and for runs that are not where it says.
+    """
+    path = study / ELSEWHERE
+    if not path.exists():
+        return []
+    try:
+        entries: Iterable[_Entry] = convert(read_json(path), tuple[_Entry, ...], Where(str(path)))
+    except DefinitionError as error:
+        raise RecordError(str(error)) from error
+    return [_record(study.resolve().parent, entry, path) for entry in entries]
+
+
+def runs_beside(study: Path, run_ids: Container[str]) -> dict[str, list[RunRecord]]:
+    """By run id, the published copies in the other studies that lie beside one.
+
+    Raises RecordError for a damaged one of these runs.
+    """
+    found: dict[str, list[RunRecord]] = {}
+    for file in sorted(study.parent.glob(f"*/*/*/{RUN}")):
+        folder = file.parent
+        if folder.name.rpartition("-")[2] in run_ids and study not in folder.parents:
+            for record in list_runs(folder):
+                if not record.is_own:
+                    found.setdefault(record.run_id, []).append(record)
+    return found
+
+
+def _record(studies: Path, entry: _Entry, path: Path) -> RunRecord:
+    folder = studies / entry.folder
+    found = list_runs(folder) if (folder / RUN).is_file() else []
+    if [record.run_id for record in found] != [entry.run_id]:
+        raise RecordError(
+            f"{path}: run {entry.run_id} is not in {folder}; put it back, or remove this file and"
+            " publish the study once more"
+        )
+    names = asdict(entry) | {"overrides": list(entry.overrides)}
+    del names["folder"]
+    return RunRecord(folder, found[0].run | names, found[0].derived)
