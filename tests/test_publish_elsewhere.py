@@ -146,18 +146,19 @@ def test_what_diverged_here_is_not_made_good_by_what_is_published(clone: Path) -
 
 
 @pytest.mark.parametrize(
-    ("folder", "problem"),
+    ("key", "value", "problem"),
     [
-        ("../runs/pursuit-n6/dcc-s1-01234567", "expected study/game/run"),
-        ("/etc/x/y", "expected study/game/run"),
-        ("tiny-quick/dcc-s1-01234567", "expected study/game/run"),
+        ("folder", "../runs/pursuit-n6/dcc-s1-01234567", "expected study/game/run"),
+        ("folder", "/etc/x/y", "expected study/game/run"),
+        ("folder", "tiny-quick/dcc-s1-01234567", "expected study/game/run"),
+        ("profile", "../up", "profile is not a name"),
     ],
 )
-def test_a_list_leads_nowhere_else(clone: Path, folder: str, problem: str) -> None:
+def test_a_list_leads_nowhere_else(clone: Path, key: str, value: str, problem: str) -> None:
     """Only to runs of the studies beside it."""
     _, stands = studies(clone)
     entries = json.loads((stands / ELSEWHERE).read_text())
-    (stands / ELSEWHERE).write_text(json.dumps([{**entries[0], "folder": folder}]))
+    (stands / ELSEWHERE).write_text(json.dumps([{**entries[0], key: value}]))
     list_sums(stands)
     said = msgdrop("verify", stands)
     assert said.code == 65

@@ -33,8 +33,11 @@ class _Entry:
 
     def __post_init__(self) -> None:
         parts = PurePosixPath(self.folder).parts
-        if len(parts) != 3 or not all(NAME.fullmatch(part) for part in parts):
+        if len(parts) != 3 or not all(map(NAME.fullmatch, parts)):
             raise ValueError("folder: expected study/game/run")
+        for key in ("variant", "definition", "profile"):
+            if not NAME.fullmatch(getattr(self, key)):
+                raise ValueError(f"{key} is not a name")
 
 
 def keep_elsewhere(study: Path, records: Sequence[RunRecord]) -> list[Path]:
