@@ -45,7 +45,7 @@ def measure(
                 episodes=episodes,
                 question=question,
                 claims=_judgeable(question, records) if question else (),
-                figures=figures_folder(results, question.name) if question else None,
+                figures=figures_folder(results, "unstable-test") if question else None,
                 as_json=as_json,
             )
     return exit_code
