@@ -121,7 +121,9 @@ def test_copies_of_a_run_are_counted_as_such(store: Store, tmp_path: Path) -> No
     said = msgdrop("status", folder).out
     assert "8 published runs, 4 distinct: 8 done" in said
     assert "is counted in each of them" in said
-    assert "8 runs, 4 distinct beside that" in msgdrop("status", folder, "--why").out
+    assert (
+        "8 runs, 4 distinct, own and published: finished" in msgdrop("status", folder, "--why").out
+    )
     assert (
         "8 runs, 4 distinct, own and published: readable"
         in msgdrop("doctor", "--results", folder).out

@@ -219,7 +219,7 @@ def test_a_profiles_name_is_taken_apart_again(reading: str) -> None:
 def test_the_command_shows_it() -> None:
     """Words for people, and the same for programs."""
     said = msgdrop("status", PUBLISHED / "navigation-half-million", "--why")
-    assert said.out.strip().endswith("finished and up to date, or at work")
+    assert said.out == "6 runs, own and published: finished and up to date, or at work\n"
     assert (
         json.loads(msgdrop("status", PUBLISHED / "navigation-half-million", "--why", "--json").out)
         == []

@@ -7,7 +7,7 @@ import typer
 
 from msgdrop_cli.commands.parts import console, options
 from msgdrop_cli.commands.parts.listing import runs_in
-from msgdrop_cli.errors import DefinitionError, nearest
+from msgdrop_cli.errors import DefinitionError
 
 app = typer.Typer()
 _FORMATS = ("csv", "parquet", "marl-eval", "rliable", "ro-crate")
@@ -29,8 +29,7 @@ def export(
     RESULTS is a folder (default: results); the files go to RESULTS/exports/FORMAT, those of what is
     published to the exports folder beside it.
     """
-    if format not in _FORMATS:
-        raise DefinitionError(f"--format: {format[:40]!r} is unknown; {nearest(format, _FORMATS)}")
+    options.check_known(format, _FORMATS, "--format")
     from msgdrop_cli.analysis.summary import summarise
     from msgdrop_cli.report.export import export_files
     from msgdrop_cli.report.write import exports_folder, write_folder

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from msgdrop_cli.commands.parts import console, options, words
-from msgdrop_cli.errors import DefinitionError, RecordError, nearest
+from msgdrop_cli.errors import RecordError
 from msgdrop_cli.report.mirrors import MIRRORS
 
 if TYPE_CHECKING:
@@ -55,8 +55,7 @@ def mirror(
     Names are those of Stable-Baselines3: rollout/ep_rew_mean, train/loss, eval/mean_reward. The
     mirror is never read, and training knows nothing of it.
     """
-    if to not in MIRRORS:
-        raise DefinitionError(f"--to: {to[:40]!r} is unknown; {nearest(to[:40], MIRRORS)}")
+    options.check_known(to, MIRRORS, "--to")
     if into is not None:
         options.check_place(into, "--into")
     from msgdrop_cli.records.ours import refuse_links

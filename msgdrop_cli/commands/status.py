@@ -110,7 +110,8 @@ def _show_why(records: Sequence[RunRecord], *, as_json: bool) -> int:
         console.result("")
     told = {record.path for why in found for record in why.records}
     others = counted([record.run_id for record in records if record.path not in told])
-    console.result(f"{others} beside that, own and published: finished and up to date, or at work")
+    beside = " beside that" if found else ""
+    console.prose(f"{others}{beside}, own and published: finished and up to date, or at work")
     return 0
 
 

@@ -2,6 +2,7 @@
 
 import os
 import shlex
+from collections.abc import Collection
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
@@ -271,9 +272,14 @@ def check_episodes(episodes: int) -> None:
 
 def check_device_name(device: str) -> None:
     """Refuse a device that has no meaning here."""
-    if device not in _DEVICES:
+    check_known(device, _DEVICES, "--device")
+
+
+def check_known(chosen: str, known: Collection[str], option: str) -> None:
+    """Refuse what an option has no such word for."""
+    if chosen not in known:
         raise DefinitionError(
-            f"--device: {device[:40]!r} is unknown; {nearest(device[:40], _DEVICES)}"
+            f"{option}: {chosen[:40]!r} is unknown; {nearest(chosen[:40], known)}"
         )
 
 
