@@ -52,11 +52,12 @@ def plot(results: options.Folder = Path("results"), json: options.Json = False) 
 def _by_study(summary: "Summary", results: Path) -> "Iterator[tuple[Summary, Folder]]":
     """What can be compared, group by group, and where it is drawn.
 
-    A part of a results folder has its own place: its figures are of some of the runs.
+    A part of a results folder has its own place: its figures are of some of the runs. So has a
+    study that was published, wherever it lies.
     """
-    from msgdrop_cli.report.write import figures_folder, home_of
+    from msgdrop_cli.report.write import TABLES, figures_folder, home_of
 
-    is_whole = home_of(results) == results
+    is_whole = home_of(results) == results and not (results / TABLES).exists()
     for group in summary.groups:
         arms = summary.arms_of(group)
         asked = {(run.definition, run.overrides) for arm in arms for run in arm.done}
