@@ -239,22 +239,6 @@ def test_plot_prints_the_figures_paths(copy: Store) -> None:
     assert all(Path(line).stat().st_size > 1_000 for line in said.out.splitlines())
 
 
-def test_a_study_has_one_place_and_one_name_for_a_figure(copy: Store) -> None:
-    """`plot` draws it where `ablate` does, and the same; runs of another question go apart."""
-    ablated = [
-        Path(line.split()[1]) for line in copy.ablate().out.splitlines() if "figure  " in line
-    ]
-    before = {path: path.read_bytes() for path in ablated}
-    assert {path.parent for path in ablated} == {copy.results / "figures" / "tiny-quick"}
-    drawn = [Path(line) for line in msgdrop("plot", copy.results).out.splitlines()]
-    assert {*drawn} <= {*ablated}
-    assert {path: path.read_bytes() for path in drawn} == {path: before[path] for path in drawn}
-    record = next(copy.results.rglob("run.json"))
-    record.write_text(json.dumps(json.loads(record.read_text()) | {"definition": "other"}))
-    drawn = [Path(line) for line in msgdrop("plot", copy.results).out.splitlines()]
-    assert {path.parent for path in drawn} == {copy.results / "figures"}
-
-
 def test_status_shows_how_far_runs_are(store: Store) -> None:
     """`status` shows every run with its word."""
     said = msgdrop("status", store.results)
