@@ -104,20 +104,3 @@ def test_claims_are_the_papers_only_where_they_are(store: Store) -> None:
     assert "of the paper" not in store.said.out
     shipped = msgdrop("unstable-test", store.results, "--episodes", "3", "--workers", "1")
     assert "\nClaims of the paper\n" in shipped.out
-
-
-def test_a_study_has_one_place_and_one_name_for_a_figure(store: Store, tmp_path: Path) -> None:
-    """`plot` draws it where `ablate` does, and the same; runs of another question go apart."""
-    copy = copied_store(store, tmp_path)
-    ablated = [
-        Path(line.split()[1]) for line in copy.ablate().out.splitlines() if "figure  " in line
-    ]
-    before = {path: path.read_bytes() for path in ablated}
-    assert {path.parent for path in ablated} == {copy.results / "figures" / "tiny-quick"}
-    drawn = [Path(line) for line in msgdrop("plot", copy.results).out.splitlines()]
-    assert {*drawn} <= {*ablated}
-    assert {path: path.read_bytes() for path in drawn} == {path: before[path] for path in drawn}
-    record = next(copy.results.rglob("run.json"))
-    record.write_text(json.dumps(json.loads(record.read_text()) | {"definition": "other"}))
-    drawn = [Path(line) for line in msgdrop("plot", copy.results).out.splitlines()]
-    assert {path.parent for path in drawn} == {copy.results / "figures"}

@@ -168,3 +168,20 @@ def test_a_run_at_which_nobody_works_was_killed(tmp_path: Path) -> None:
         assert words() == ["running"]
     assert words() == ["killed"]
     assert "1 run: 1 killed" in msgdrop("status", tmp_path).out
+
+
+def test_a_study_has_one_place_and_one_name_for_a_figure(store: Store, tmp_path: Path) -> None:
+    """`plot` draws it where `ablate` does, and the same; runs of another question go apart."""
+    copy = copied_store(store, tmp_path)
+    ablated = [
+        Path(line.split()[1]) for line in copy.ablate().out.splitlines() if "figure  " in line
+    ]
+    before = {path: path.read_bytes() for path in ablated}
+    assert {path.parent for path in ablated} == {copy.results / "figures" / "tiny-quick"}
+    drawn = [Path(line) for line in msgdrop("plot", copy.results).out.splitlines()]
+    assert {*drawn} <= {*ablated}
+    assert {path: path.read_bytes() for path in drawn} == {path: before[path] for path in drawn}
+    record = next(copy.results.rglob("run.json"))
+    record.write_text(json.dumps(json.loads(record.read_text()) | {"definition": "other"}))
+    drawn = [Path(line) for line in msgdrop("plot", copy.results).out.splitlines()]
+    assert {path.parent for path in drawn} == {copy.results / "figures"}
