@@ -130,16 +130,16 @@ class DCC:
         rates = {name: getattr(config, name) for name in ("learning_rate", "max_gradient_norm")}
         self.adam = Adam(self.online, **rates, device=device)
         self._parts = {"online": self.online, "target": self.target, **self.adam.moments}
-        hears = network.hears
-        self.shown_agents = cohort.shown_agents(heard(config, env.agents), device)
-        self._links = cohort.links_heard(self.shown_agents)  # [N, S]
-        self._shown_received = cohort.shown_received(self._links)
-        self.rate = torch.tensor([c.rate for c in configs], device=device)  # [R]
-        scale = execution_scale(self.rate, hears, drops_own=config.drops_own)
+        shown = cohort.shown_agents(heard(config, env.agents), "cpu")  # meta cannot reckon
+        links = cohort.links_heard(shown)
+        self.shown_agents, self._links = shown.to(device), links.to(device)  # [N, 1+S], [N, S]
+        self._shown_received = cohort.shown_received(links).to(device)
+        rate, hears = torch.tensor([c.rate for c in configs], device="cpu"), network.hears
+        scale = execution_scale(rate, hears, drops_own=config.drops_own).to(device)
+        self.rate = rate.to(device)  # [R]
         self.scale = scale.repeat_interleave(self._agents, 0)[:, None]  # [G, 1, 1+S, 1]
-        dropped = 1 + hears if config.drops_own else hears
         unit = max(env.observation_size, self.encoding.width) if config.dropout == "element" else 1
-        self._mask_shape = (self._agents, config.batch_size, dropped, unit)
+        self._mask_shape = (self._agents, config.batch_size, hears + config.drops_own, unit)
         self.init_uniforms = self._agents * parameter_count(network.layers)
         self._keeps_own = scale.new_ones(len(self.scale), config.batch_size, 1, unit)
         self.act_uniforms, self.update_uniforms = 2, math.prod(self._mask_shape)

@@ -75,7 +75,7 @@ class Replay:
         self.reward = torch.zeros(runs, rows, agents, device=device)
         self.discount = torch.zeros(runs, rows, device=device)
         self.next_row = torch.zeros(runs, rows, dtype=torch.int32, device=device)
-        self._first_obs_row = torch.arange(runs, device=device)[:, None] * self.obs.shape[1]
+        self._first_obs_row = torch.arange(0, runs * shape[1], shape[1], device=device)[:, None]
         self._game = torch.arange(games, device=device)
 
     def __len__(self) -> int:

@@ -126,7 +126,8 @@ class Navigation:
         self.time_limit = config.time_limit
         self.reset_uniforms = 2 * (config.agents + config.landmarks)
         self.observation_size = 4 + 2 * config.landmarks + 2 * (config.agents - 1)
-        self._pushes = SENSITIVITY * torch.tensor(PUSHES, device=device)
+        pushes = [[SENSITIVITY * part for part in push] for push in PUSHES]
+        self._pushes = torch.tensor(pushes, device=device)
         agents = range(config.agents)
         others = [j for i in agents for j in agents if j != i]
         self._others = torch.tensor(others, dtype=torch.long, device=device)  # [N * (N-1)]

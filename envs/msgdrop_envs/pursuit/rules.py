@@ -239,5 +239,5 @@ class Pursuit:
         centre = self._window**2 // 2
         slots = [centre] * self.agents + [self._window**2 + centre] * self.config.evaders
         others = torch.ones(self.agents, len(slots), dtype=torch.bool)
-        others[:, : self.agents] &= ~torch.eye(self.agents, dtype=torch.bool)
+        others[:, : self.agents].fill_diagonal_(False)
         return torch.tensor(slots, device=device), others.to(device)

@@ -31,26 +31,28 @@ class Sensors:
         self.config = config
         rays, agents = config.sensors, config.pursuers
         self.size = 2 + 2 * CLASSES * rays + rays * config.senses_obstacle + 2 * config.senses_touch
-        angles = torch.arange(rays, dtype=torch.float64) * (2 * math.pi / rays)
+        # Reckoned on the processor, wherever they are needed: `meta` is asked for shapes only.
+        angles = torch.arange(rays, dtype=torch.float64, device="cpu") * (2 * math.pi / rays)
         # Rounded, so that a quarter turn has the cosine 0 and not 6e-17.
-        self._cos = angles.cos().round(decimals=12).float().to(device)
-        self._sin = angles.sin().round(decimals=12).float().to(device)
+        cos = angles.cos().round(decimals=12).float()
+        sin = angles.sin().round(decimals=12).float()
+        self._cos, self._sin = cos.to(device), sin.to(device)
         # What a place or velocity is multiplied by to be along a ray, or across it: [2, 1, S].
-        self._along = torch.stack((self._cos, self._sin))[:, None]
-        self._across = torch.stack((self._sin, -self._cos))[:, None]
+        self._along = torch.stack((cos, sin))[:, None].to(device)
+        self._across = torch.stack((sin, -cos))[:, None].to(device)
         self._numbers = numbers = (agents, config.food, config.poison)
         kinds = [kind for kind, number in enumerate(numbers) for _ in range(number)]
-        self._kinds = torch.tensor(kinds, device=device)
-        widths = config.radii if config.sensor_width == "object" else (config.radius,) * CLASSES
-        self._widths = torch.tensor(widths, device=device)[self._kinds][:, None]  # [N+M+L, 1]
+        by_kind = config.radii if config.sensor_width == "object" else (config.radius,) * CLASSES
+        widths = torch.tensor([by_kind[kind] for kind in kinds], device="cpu")
+        self._widths = widths[:, None].to(device)  # [N+M+L, 1]
         # A little more than is needed: what each sensor meets is decided exactly later on.
-        near = (config.sensor_range**2 + self._widths[:, 0] ** 2) * 1.001
-        self._near = near.repeat(agents, 1)  # [N, N+M+L]
-        self._near[:, :agents].fill_diagonal_(-1.0)  # nobody senses itself
-        self._near = self._near[..., None]
+        near = ((config.sensor_range**2 + widths**2) * 1.001).repeat(agents, 1)  # [N, N+M+L]
+        near[:, :agents].fill_diagonal_(-1.0)  # nobody senses itself
+        self._near = near[..., None].to(device)
         # Where in its game's observations an agent's first reading of an object's kind stands.
-        firsts = torch.arange(agents, device=device)[:, None] * self.size
-        self._columns = firsts + 2 + self._kinds * (2 * rays)  # [N, N+M+L]
+        firsts = torch.arange(agents, device="cpu")[:, None] * self.size
+        columns = firsts + 2 + torch.tensor(kinds, device="cpu") * (2 * rays)
+        self._columns = columns.to(device)  # [N, N+M+L]
 
     def read(self, positions: Tensor, velocities: Tensor, touch: Tensor) -> Tensor:
         """What all pursuers see, [B, N, O] float32.

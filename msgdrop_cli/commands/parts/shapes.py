@@ -1,8 +1,9 @@
 """What the shapes of a plan say before anything is trained: sizes, and the names of the metrics.
 
 Environment, learner and replay memory are built on torch's meta device, which has shapes and
-takes no memory: a mistyped size is found here, not by the machine. (Torch loads its decompositions
-for that, about a second; nobody waits for it who has nothing to train.)
+takes no memory: a mistyped size is found here, not by the machine. Tables that are reckoned, not
+only made, are reckoned on the processor and moved: for arithmetic on meta tensors torch loads its
+compiler, which takes a second and leaves a folder in TMPDIR (tests/test_first_second.py).
 """
 
 from collections.abc import Iterator, Mapping, Sequence

@@ -1,0 +1,43 @@
+"""What happens before anything is trained: quickly, and nowhere but in the results folder."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+from tests.cli_runs import ROOT
+from tests.processes import TINY
+
+_PLANS = """
+import sys
+from msgdrop_cli.app import run
+from msgdrop_cli.definition.load import list_definitions
+
+for question in list_definitions():
+    assert run(["ablate", question, "--dry-run"]) == 0
+assert run(sys.argv[1:]) == 0
+print("loaded:", *sorted({"torch._dynamo", "torch._inductor"} & sys.modules.keys()))
+"""
+
+
+def test_no_compiler_is_loaded_to_count_bytes(tmp_path: Path) -> None:
+    """Neither for the plans of all shipped questions nor to train: it costs a second, and a folder.
+
+    Torch makes the folder in TMPDIR, also in workers.
+    """
+    temporary = tmp_path / "temporary"
+    temporary.mkdir()
+    paths = os.pathsep.join(str(ROOT / part) for part in ("", "envs", "ablations"))
+    sets = [word for each in TINY for word in ("--set", each)]
+    done = subprocess.run(
+        [sys.executable, "-c", _PLANS, "train", "--steps", "200", *sets],
+        cwd=tmp_path,
+        env={**os.environ, "PYTHONPATH": paths, "TMPDIR": str(temporary)},
+        capture_output=True,
+        text=True,
+        timeout=120,
+    )
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.splitlines()[-1] == "loaded:"
+    assert list(temporary.iterdir()) == []
+    assert (tmp_path / "results" / "runs").is_dir()
