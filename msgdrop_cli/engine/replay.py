@@ -75,8 +75,8 @@ class Replay:
         self.reward = torch.zeros(runs, rows, agents, device=device)
         self.discount = torch.zeros(runs, rows, device=device)
         self.next_row = torch.zeros(runs, rows, dtype=torch.int32, device=device)
-        self._first_obs_row = torch.arange(0, runs * shape[1], shape[1], device=device)[:, None]
-        self._game = torch.arange(games, device=device)
+        self._first_obs_row = torch.tensor([[r * shape[1]] for r in range(runs)], device=device)
+        self._game = _numbers(games, device)
 
     def __len__(self) -> int:
         """Transitions of one run that can be sampled."""
@@ -239,3 +239,12 @@ class Replay:
         """Where a game's cut episode keeps its last observation; two are `time_limit` apart."""
         window = (step // self.time_limit) % self._ends
         return self._game * self._ends + window + self.slots * self.games
+
+
+def _numbers(count: int, device: torch.device | str) -> Tensor:
+    """0, 1, 2, ...: [count] int64; on `meta` only the shape, for to count there is arithmetic.
+
+    What that costs, `commands/parts/shapes.py` says.
+    """
+    shape = torch.empty(count, dtype=torch.int64, device=device)
+    return shape if shape.is_meta else torch.arange(count, device=device)
