@@ -16,4 +16,9 @@ def packages() -> list[str]:
     """The package of every game: ours, then those that are installed, in alphabetical order."""
     beside = pkgutil.iter_modules(msgdrop_envs.__path__, f"{msgdrop_envs.__name__}.")
     ours = [module.name for module in beside if module.ispkg]
-    return ours + sorted({point.value for point in entry_points(group=GROUP)})
+    return ours + theirs()
+
+
+def theirs() -> list[str]:
+    """Those of other people alone."""
+    return sorted({point.value for point in entry_points(group=GROUP)})

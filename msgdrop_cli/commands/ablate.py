@@ -100,10 +100,10 @@ def ablate(
         cluster=cluster,
         cluster_tls=cluster_tls,
     )
+    settings.check(definition, checked)
     if settings.HELP in checked.overrides:
         return settings.show_settings(definition, checked, as_json=json)
-    # After the quick checks:
-    from msgdrop_cli.commands.parts.carry_out import carry_out
+    from msgdrop_cli.commands.parts.carry_out import carry_out  # after the quick checks
     from msgdrop_cli.commands.parts.slurm import show_job_array
 
     if emit:

@@ -108,11 +108,15 @@ def _rows(
     readings: list[str] | None,
 ) -> list[dict[str, Any]]:
     """A row a setting of the one run that is meant; loads torch."""
+    from msgdrop_cli.commands.parts.early import check_early
+
+    scale = options.chosen_profile(definition, profile)
+    changes, others = overrides or (), readings or ()
+    check_early(definition, scale, overrides=changes, readings=others)
     from msgdrop_cli.definition.origins import DEFAULT, origins, papers_spec
     from msgdrop_cli.engine.offers import catalogue
 
-    known, scale = catalogue(), options.chosen_profile(definition, profile)
-    changes, others = overrides or (), readings or ()
+    known = catalogue()
     runs = plan(definition, scale, known, overrides=changes, readings=others).runs
     games = [run.spec.environment for run in runs]
     game = _one_of("--env", env and record_name(env), games)

@@ -113,6 +113,7 @@ def train(
         raise DefinitionError("--device: games of other people are played with --device cpu")
     with as_typed(_own_options(rate, channel, steps)):
         definition = _definition(env, algorithm, profile, rate, steps)
+        settings.check(definition, checked)
         if settings.HELP in checked.overrides:
             return settings.show_settings(definition, checked, as_json=json)
         from msgdrop_cli.commands.parts.carry_out import carry_out  # after the quick checks
@@ -174,9 +175,12 @@ def _definition(
 
 def _check_takes_rate(algorithm: str) -> None:
     """Refuse a rate for an algorithm whose name says which one it has, such as simple DCC."""
-    from msgdrop_cli.engine.offers import catalogue
+    from msgdrop_cli.commands.parts import early
 
-    known = catalogue()
+    if (known := early.told()) is None:
+        from msgdrop_cli.engine.offers import catalogue
+
+        known = catalogue()
     named = known.algorithm(algorithm)
     if "rate" in named.overrides:
         alike = [

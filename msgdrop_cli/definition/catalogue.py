@@ -52,6 +52,8 @@ class Catalogue:
     channels: Mapping[str, type[Any]]
     """Kind to its dataclass, whose fields are the settings."""
     foreign: ForeignGames | None = None
+    checks_values: bool = True
+    """Whether its Configs refuse values out of range."""
     check_channel: Callable[[RunSpec, str], None] | None = None
     """DefinitionError, beginning with a place, for a run whose training its channel refuses."""
 

@@ -39,6 +39,18 @@ class ListsReadings(TyperCommand):
             formatter.write_dl([(name, each.says) for name, each in all_readings().items()])
 
 
+def check(definition: Definition, options: TrainOptions) -> None:
+    """Refuse (DefinitionError) mistyped names and settings before torch is loaded."""
+    from msgdrop_cli.commands.parts.early import check_early
+
+    check_early(
+        definition,
+        options.profile,
+        overrides=[each for each in options.overrides if each != HELP],
+        readings=options.readings,
+    )
+
+
 def show_settings(definition: Definition, options: TrainOptions, *, as_json: bool) -> int:
     """Show every setting with its meaning and its value in the first run; loads torch.
 

@@ -10,10 +10,10 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 
+from msgdrop_cli.commands.parts.early import check_metrics
 from msgdrop_cli.definition.plan import Plan
 from msgdrop_cli.definition.spec import PlannedRun
-from msgdrop_cli.definition.strict import Where
-from msgdrop_cli.errors import DefinitionError, nearest
+from msgdrop_cli.errors import DefinitionError
 
 _CHECKPOINTS = 3
 """Two are kept while the next one is written."""
@@ -95,7 +95,7 @@ def run_sizes(run: PlannedRun, episodes: int) -> Sizes:
 def check_claims(asked: Plan, pending: Sequence[PlannedRun]) -> None:
     """Refuse (DefinitionError) to train for a claim on a metric that its environment has not.
 
-    What a learning curve is drawn of depends on the learner; it is not checked. Loads torch.
+    Loads torch.
     """
     from msgdrop_envs import registry
 
@@ -105,12 +105,7 @@ def check_claims(asked: Plan, pending: Sequence[PlannedRun]) -> None:
             with on_no_device(f"{run.spec.environment}, {run.variant}"):
                 env = registry.make(run.spec.environment_config, "meta")
             known[run.spec.environment] = env.metrics
-    for claim in asked.claims:
-        metrics = known.get(claim.environment)
-        if metrics and claim.measure == "evaluation" and claim.metric not in metrics:
-            where = Where(asked.definition.file).at("claims").at("metric")
-            hint = nearest(claim.metric, metrics)
-            raise where.error(f"{claim.environment} does not measure {claim.metric!r}; {hint}")
+    check_metrics(asked, known)
 
 
 @contextmanager

@@ -24,6 +24,8 @@ class Setting(NamedTuple):
     """In the notation of `--set`; empty where there is none."""
     choices: tuple[str, ...]
     """The values of a `Literal`; none for any other type."""
+    type: str
+    """As it is annotated: `int`, `tuple[int, int]`."""
     said: str
     """Its docstring, in one line."""
 
@@ -126,8 +128,19 @@ def settings(tree: ast.Module, name: str) -> Iterator[Setting]:
                 key=ast.unparse(field.target),
                 default=_default(field.value) if field.value else "",
                 choices=_choices(field.annotation),
+                type=ast.unparse(field.annotation),
                 said=" ".join(str(said.value).split()) if isinstance(said, ast.Constant) else "",
             )
+
+
+def constant(tree: ast.Module, name: str, attribute: str) -> Any:
+    """The value that a class of a module gives to an attribute; None if it is not written down."""
+    body = [each for found in classes(tree) if found.name == name for each in found.body]
+    for each in body:
+        if isinstance(each, ast.AnnAssign) and ast.unparse(each.target) == attribute and each.value:
+            with suppress(ValueError):
+                return ast.literal_eval(each.value)
+    return None
 
 
 def arguments(call: ast.expr) -> tuple[tuple[str, str], ...]:

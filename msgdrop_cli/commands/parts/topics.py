@@ -46,8 +46,7 @@ def topics() -> list[Topic]:
         *chain.from_iterable(_games(*each, sizes) for each in ruled),
         *chain.from_iterable(_settings(each, sizes) for each in sections),
         *_channels(),
-        *_parts("topology", "msgdrop_cli.messages.topologies"),
-        *_parts("encoder", "msgdrop_cli.messages.encoders"),
+        *chain.from_iterable(_parts(*each) for each in vocabulary.PARTS.items()),
         *(metrics := [*chain.from_iterable(_metrics(*each) for each in ruled)]),
         *_logged({name for each in metrics for name in each.names}),
         *asked_topics(keys),
@@ -73,7 +72,7 @@ def _algorithms(section: Section, sizes: Sequence[_Sizes]) -> Iterator[Topic]:
 
 
 def _games(section: Section, rules: Module, sizes: Sequence[_Sizes]) -> Iterator[Topic]:
-    metrics = [Fact(name, _formula(each)) for name, each in _metric_table(rules).items()]
+    metrics = [Fact(name, _formula(each)) for name, each in vocabulary.metrics(rules).items()]
     for named in section.named:
         changes = dict(named.changes)
         where = f"{_game(section)} with {_pairs(changes) or 'its defaults'}"
@@ -126,7 +125,7 @@ def _parts(setting: str, package: str) -> Iterator[Topic]:
 
 
 def _metrics(section: Section, rules: Module) -> Iterator[Topic]:
-    for name, formula in _metric_table(rules).items():
+    for name, formula in vocabulary.metrics(rules).items():
         yield Topic("metric", (name,), f"of {_game(section)}", _formula(formula))
 
 
@@ -167,12 +166,6 @@ def _sized(game: str, learner: str, tables: Mapping[str, Mapping[str, object]]) 
 def _values(section: Section, changes: Mapping[str, str]) -> list[Fact]:
     """A section's settings as a name has them."""
     return [Fact(s.key, changes.get(s.key, s.default), s.said) for s in section.settings]
-
-
-def _metric_table(rules: Module) -> Mapping[str, ast.expr]:
-    """The metrics of the game's class."""
-    found = (sources.entries(each.body, "metrics") for each in sources.classes(rules.tree))
-    return next((table for table in found if table), {})
 
 
 def _formula(call: ast.expr) -> str:

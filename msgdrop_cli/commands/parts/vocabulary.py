@@ -4,14 +4,21 @@
 """
 
 import ast
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from dataclasses import fields, make_dataclass
 from importlib.util import find_spec
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from msgdrop_cli.commands.parts import sources
-from msgdrop_cli.commands.parts.sources import Setting
+from msgdrop_cli.commands.parts.sources import Module, Setting
 from msgdrop_cli.definition import spec
+
+PARTS = {
+    "topology": "msgdrop_cli.messages.topologies",
+    "encoder": "msgdrop_cli.messages.encoders",
+}
+"""Settings of learners that are the name of a file, and where these lie."""
 
 
 class Named(NamedTuple):
@@ -33,6 +40,8 @@ class Section(NamedTuple):
     """The file there that holds its settings."""
     named: tuple[Named, ...]
     settings: tuple[Setting, ...]
+    complete: bool = True
+    """Whether they all stand there: its Config has no base class that has others."""
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -52,6 +61,17 @@ def environments() -> list[Section]:
     return [each for game in packages() for each in _sections("environment", game, "PAPER")]
 
 
+def metrics(rules: Module) -> Mapping[str, ast.expr]:
+    """The metrics of the game whose rules these are, and what makes each."""
+    found = (sources.entries(each.body, "metrics") for each in sources.classes(rules.tree))
+    return next((table for table in found if table), {})
+
+
+def parts(setting: str) -> list[str]:
+    """The files that one of `PARTS` can name."""
+    return [each.name for each in sources.modules(PARTS[setting])]
+
+
 def channels() -> list[str]:
     """The kinds of channels, whose names are those of their files, wherever these lie."""
     package = find_spec("msgdrop_cli.channels")
@@ -62,10 +82,18 @@ def channels() -> list[str]:
 
 def swept_channels() -> list[str]:
     """Those that have settings, one of which may run over a range."""
-    modules = sources.modules("msgdrop_cli.channels")
-    made = {each.name: each.name.title().replace("_", "") for each in modules}
-    kept = [each.name for each in modules if any(sources.settings(each.tree, made[each.name]))]
-    return sorted(name.replace("_", "-") for name in kept)
+    return sorted(kind for kind, cls in kinds().items() if fields(cls))
+
+
+def kinds() -> dict[str, type[Any]]:
+    """Every kind of channel: a dataclass with its settings and its example, and nothing it does."""
+    found = {}
+    for each in sources.modules("msgdrop_cli.channels"):
+        made = each.name.title().replace("_", "")
+        settings = [(setting.key, Any) for setting in sources.settings(each.tree, made)]
+        example = {"example": sources.constant(each.tree, made, "example")}
+        found[each.name.replace("_", "-")] = make_dataclass(made, settings, namespace=example)
+    return found
 
 
 def training() -> Section:
@@ -92,4 +120,5 @@ def _sections(name: str, package: str, table: str) -> Iterator[Section]:
         if named:
             home = sources.defining(module.tree, "Config")
             settings = tuple(sources.settings(home, "Config"))
-            yield Section(name, package, module.name, tuple(named), settings)
+            complete = any(c.name == "Config" and not c.bases for c in sources.classes(home))
+            yield Section(name, package, module.name, tuple(named), settings, complete)

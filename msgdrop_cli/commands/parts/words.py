@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 
 from msgdrop_cli.commands.parts import vocabulary
-from msgdrop_cli.definition.channel import Channel, check_kind, only_links
+from msgdrop_cli.definition.channel import Channel, build_channel, only_links
 from msgdrop_cli.definition.strict import number
 from msgdrop_cli.errors import DefinitionError
 
@@ -68,7 +68,7 @@ def check_kinds(channels: Sequence[Channel]) -> None:
     """Refuse (ValueError) kinds and settings that there are not. Loads torch for all but links."""
     if not only_links(channels):
         for each in channels:  # a mistyped name need not wait for torch
-            check_kind(each, vocabulary.channels())
+            build_channel(each, vocabulary.kinds())
         from msgdrop_cli.channels import kind_of
 
         for each in channels:
