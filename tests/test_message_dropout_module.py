@@ -124,7 +124,7 @@ def test_a_mask_needs_the_shape_of_blocks(shape: tuple[int, ...]) -> None:
         MessageDropout().mask(*shape)
 
 
-@pytest.mark.parametrize("rate", [float("nan"), "0.2", None, torch.tensor(0.2)])
+@pytest.mark.parametrize("rate", [float("nan"), "0.2", None, torch.tensor(0.2), True])
 def test_a_rate_is_a_number(rate: Any) -> None:
     """Nothing else."""
     with pytest.raises(ValueError, match="rate must be between 0 and 1, not "):

@@ -98,12 +98,12 @@ class ParallelGame(ParallelEnv):  # type: ignore[misc]  # it ships no types
         """Begin a game, at random or from `options["state"]` as `state_dict()` writes it.
 
         With a seed everything from here on repeats; without, the generator goes on.
-        Raises: ValueError for a state that this game cannot be in.
+        Raises: ValueError for a state that this game cannot be in, or a seed that is none.
         """
         given = (options or {}).get("state")
         state = None if given is None else self._view.state_from_dict(given)
         if seed is not None:
-            self._rng = np.random.default_rng(seed)
+            self._rng = np.random.default_rng(_seed(seed))
         # Drawn even if a state is given: the rest of the game then has the same random numbers.
         fresh = self._env.reset(self._uniforms(self._env.reset_uniforms))
         self._state = fresh if state is None else state
@@ -187,7 +187,7 @@ class ParallelGame(ParallelEnv):  # type: ignore[misc]  # it ships no types
 
     def _choice(self, agent: str, action: Any) -> Tensor:
         try:
-            number = index(action)
+            number = _whole(action)
         except TypeError:
             raise ValueError(f"{agent}: {action!r} is not an action number") from None
         if not 0 <= number < self._env.actions:
@@ -203,6 +203,22 @@ class ParallelGame(ParallelEnv):  # type: ignore[misc]  # it ships no types
         if numbers.shape != (size,) or not (abs(numbers) <= 1).all():
             raise ValueError(f"{agent}: action {action!r} is not {size} numbers in [-1, 1]")
         return torch.from_numpy(numbers.copy())
+
+
+def _seed(given: Any) -> int:
+    try:
+        if (seed := _whole(given)) >= 0:
+            return seed
+    except TypeError:
+        pass
+    raise ValueError(f"a seed is a whole number from 0 on, not {given!r}")
+
+
+def _whole(given: Any) -> int:
+    """As an int; TypeError for what is no whole number, and for True, which Python counts by."""
+    if isinstance(given, bool):
+        raise TypeError
+    return index(given)
 
 
 def _flat(state: Any) -> np.ndarray[Any, Any]:

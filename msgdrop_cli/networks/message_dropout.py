@@ -109,7 +109,7 @@ def message_dropout(
 
 
 def _check(rate: float, kind: str) -> None:
-    if not (isinstance(rate, Real) and 0.0 <= rate <= 1.0):
+    if isinstance(rate, bool) or not (isinstance(rate, Real) and 0.0 <= rate <= 1.0):
         raise ValueError(f"rate must be between 0 and 1, not {rate!r}")
     if kind not in get_args(Kind):
         raise ValueError(f"kind must be one of {', '.join(get_args(Kind))}, not {kind!r}")

@@ -8,6 +8,6 @@ _LONGEST_S = 1e12
 def cpu_time_s(record: RunRecord) -> float | None:
     """Seconds of a processor that its training took; None where the record does not say so."""
     spent = record.run.get("cpu_time_s")
-    if isinstance(spent, int | float) and 0.0 <= spent < _LONGEST_S:
+    if type(spent) in (int, float) and 0.0 <= spent < _LONGEST_S:
         return float(spent)
     return None
