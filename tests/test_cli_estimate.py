@@ -163,6 +163,18 @@ def test_memory_is_named_where_it_lacks(question: Path, monkeypatch: pytest.Monk
     estimate.check_memory(10**18, "cuda")
 
 
+@pytest.mark.parametrize(("load", "told"), [(2.0, False), (2.1, True)])
+def test_a_plan_says_that_the_machine_is_busy(
+    question: Path, monkeypatch: pytest.MonkeyPatch, load: float, told: bool
+) -> None:
+    """Beside the time that holds for free cores, and only if more is at work than there are."""
+    monkeypatch.setattr(os, "sched_getaffinity", lambda _: {0, 1})
+    monkeypatch.setattr(os, "getloadavg", lambda: (load, 0.0, 0.0))
+    said = msgdrop("ablate", question, "--dry-run", "--results", question.parent / "results")
+    assert ("now the load is 2.1 on 2 cores" in " ".join(said.out.split())) == told
+    assert ("the load" in said.out) == told
+
+
 def test_a_gpu_gets_all_that_can_be_stacked() -> None:
     """Seeds and rates of one network train together there, each alone on a processor."""
     runs = [tiny.planned(seed=seed, rate=rate) for rate in (0.0, 0.2) for seed in (1, 2, 3)]

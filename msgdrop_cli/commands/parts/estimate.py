@@ -11,7 +11,7 @@ from pathlib import Path
 from msgdrop_cli.commands.parts import console
 from msgdrop_cli.commands.parts.paces import Paces
 from msgdrop_cli.commands.parts.survey import Survey
-from msgdrop_cli.commands.parts.words import size
+from msgdrop_cli.commands.parts.words import several, size
 from msgdrop_cli.definition.cohorts import group
 from msgdrop_cli.definition.spec import PlannedRun
 from msgdrop_cli.errors import DefinitionError, RecordError
@@ -82,6 +82,14 @@ def finished_runs(root: Path) -> list[RunRecord]:
     with suppress(RecordError):
         return [record for record in list_runs(root) if record.status == "done"]
     return []
+
+
+def crowd() -> str | None:
+    """Whether others use this machine more than it can bear, in a few words; None if not."""
+    cores, at_work = len(os.sched_getaffinity(0)), os.getloadavg()[0]
+    if at_work <= cores:
+        return None
+    return f"now the load is {at_work:.1f} on {several(cores, 'core')}"
 
 
 def check_memory(needed_bytes: int, device: str) -> None:

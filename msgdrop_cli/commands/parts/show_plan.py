@@ -7,7 +7,7 @@ from msgdrop_cli.analysis.labels import shared_overrides, with_overrides
 from msgdrop_cli.analysis.next_looks import NextLook
 from msgdrop_cli.analysis.provenance import studies
 from msgdrop_cli.commands.parts.auto_seeds import looks_in_words
-from msgdrop_cli.commands.parts.estimate import Estimate
+from msgdrop_cli.commands.parts.estimate import Estimate, crowd
 from msgdrop_cli.commands.parts.options import TrainOptions
 from msgdrop_cli.commands.parts.survey import Survey
 from msgdrop_cli.commands.parts.words import about, several, size
@@ -42,6 +42,8 @@ def plan_facts(
     left = sum(looked_up.env_steps_left(run) for run in looked_up.pending)
     through = "links broken" if only_links(asked.channels) else "channels"
     through += f": {', '.join(channel.word for channel in asked.channels)}"
+    busy = crowd() if options.cluster is None and options.device == "cpu" else None
+    assumed = f"{cost.source}; {busy}" if busy else cost.source
     workers = several(min(options.workers, len(looked_up.pending)), "worker")
     facts = {
         "title": definition.title,
@@ -60,7 +62,7 @@ def plan_facts(
             **_pretraining(looked_up.pending),
             "training": f"{left:,} env steps",
             "evaluation": f"{asked.evaluation_episodes:,} episodes a run, {through}",
-            "time": f"{about(cost.seconds, *cost.seconds_range)} with {workers} ({cost.source})",
+            "time": f"{about(cost.seconds, *cost.seconds_range)} with {workers} ({assumed})",
             "memory": f"about {size(cost.memory_bytes)}",
             "disk": f"up to {size(cost.disk_bytes)} in {options.results}",
         }
