@@ -5,6 +5,9 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
+from msgdrop_cli.engine import facts
 from tests.cli_runs import ROOT
 from tests.processes import TINY
 
@@ -41,3 +44,24 @@ def test_no_compiler_is_loaded_to_count_bytes(tmp_path: Path) -> None:
     assert done.stdout.splitlines()[-1] == "loaded:"
     assert list(temporary.iterdir()) == []
     assert (tmp_path / "results" / "runs").is_dir()
+
+
+def test_the_checkout_is_only_looked_at(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """To tell a run's commit, git need not write down what it has seen of the files."""
+
+    def git(*words: str) -> None:
+        name = ("-c", "user.name=n", "-c", "user.email=e")
+        subprocess.run(["git", *name, *words], cwd=tmp_path, check=True, capture_output=True)
+
+    source = tmp_path / "msgdrop_cli" / "engine" / "facts.py"
+    source.parent.mkdir(parents=True)
+    source.write_text("1")
+    git("init")
+    git("add", ".")
+    git("commit", "-m", "one")
+    os.utime(source, (1, 1))  # git would note that it is the same in spite of that
+    index = tmp_path / ".git" / "index"
+    before = index.read_bytes()
+    monkeypatch.setattr(facts, "__file__", str(source))
+    assert len(facts.commit() or "") == 40
+    assert index.read_bytes() == before

@@ -61,7 +61,8 @@ def commit() -> str | None:
     if not (tree / ".git").exists():
         said = os.environ.get("MSGDROP_COMMIT", "")
         return said if _COMMIT.fullmatch(said) else None
-    commands = (["git", "rev-parse", "HEAD"], ["git", "status", "--porcelain", "-uno"])
+    status = ["git", "--no-optional-locks", "status", "--porcelain", "-uno"]  # else it writes there
+    commands = (["git", "rev-parse", "HEAD"], status)
     try:
         head, changes = (
             subprocess.run(c, cwd=tree, capture_output=True, text=True, check=True).stdout.strip()
