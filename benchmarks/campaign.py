@@ -32,7 +32,8 @@ from msgdrop_cli import app
 from msgdrop_cli.commands.parts.estimate import check_folder
 from msgdrop_cli.commands.parts.options import check_device, check_device_name, check_workers
 from msgdrop_cli.definition.load import load_definition
-from msgdrop_cli.definition.plan import parse_seeds, plan
+from msgdrop_cli.definition.plan import plan
+from msgdrop_cli.definition.seeds import parse_seeds
 from msgdrop_cli.engine.facts import commit
 from msgdrop_cli.engine.offers import catalogue
 from msgdrop_cli.errors import DefinitionError, MsgdropError, RecordError

@@ -21,9 +21,11 @@ from typer.core import TyperGroup
 from msgdrop_cli import __version__
 from msgdrop_cli.commands.parts import console
 from msgdrop_cli.definition.strict import one_line
-from msgdrop_cli.errors import MsgdropError
+from msgdrop_cli.errors import DefinitionErrors, MsgdropError
 from msgdrop_cli.stopping import Stopped
 
+_MOST_TOLD = 20
+"""Mistakes of one file: nobody reads more at once."""
 _INTERNAL, _USAGE, _MACHINE, _BROKEN_PIPE = 1, 2, 74, 141
 
 COMMANDS = {
@@ -117,6 +119,8 @@ def run(arguments: Sequence[str]) -> int:
         if isinstance(ended.__context__, BrokenPipeError):  # click has made an exit with 1 of it
             return _broken_pipe()
         raise
+    except DefinitionErrors as error:
+        return _failed_at(error)
     except MsgdropError as error:
         return _failed(str(error), error.exit_code)
     except Exception as error:
@@ -159,6 +163,15 @@ def _lack_of_memory(error: BaseException | None) -> str | None:
             return what
         error = error.__cause__ or error.__context__
     return None
+
+
+def _failed_at(error: DefinitionErrors) -> int:
+    """Each of several mistakes has a line of its own."""
+    for each in error.errors[:_MOST_TOLD]:
+        _failed(str(each), error.exit_code)
+    if (more := len(error.errors) - _MOST_TOLD) > 0:
+        console.note(f"and {more:,} more")
+    return error.exit_code
 
 
 def _failed(message: str, code: int) -> int:

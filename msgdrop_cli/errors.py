@@ -1,7 +1,7 @@
 """The program's own errors: one line for the user each, and the exit code that goes with it."""
 
 import difflib
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 
 class MsgdropError(Exception):
@@ -14,6 +14,45 @@ class DefinitionError(MsgdropError):
     """A definition, an override or an argument is wrong; nothing has been written."""
 
     exit_code = 2
+
+
+class DefinitionErrors(DefinitionError):
+    """Several mistakes that are told together, a line each; as a text it is the first."""
+
+    def __init__(self, errors: Sequence[DefinitionError]) -> None:
+        super().__init__(str(errors[0]))
+        self.errors = tuple(errors)
+
+
+class Mistakes:
+    """Gathers the errors of parts that do not depend on each other, each in a `with` of its own."""
+
+    def __init__(self) -> None:
+        self.found: dict[str, DefinitionError] = {}
+        """By what they say, so that nothing is told twice."""
+
+    def __enter__(self) -> None:
+        """Keep a DefinitionError of the block for later."""
+
+    def __exit__(self, kind: object, error: BaseException | None, trace: object) -> bool:
+        if isinstance(error, DefinitionErrors):
+            self.add(*error.errors)
+        elif isinstance(error, DefinitionError):
+            self.add(error)
+        return isinstance(error, DefinitionError)
+
+    def add(self, *errors: DefinitionError) -> None:
+        """Keep errors for later."""
+        for error in errors:
+            self.found.setdefault(str(error), error)
+
+    def tell(self) -> None:
+        """Raise what was gathered: one DefinitionError, or all as DefinitionErrors."""
+        errors = list(self.found.values())
+        if len(errors) > 1:
+            raise DefinitionErrors(errors)
+        if errors:
+            raise errors[0]
 
 
 class RunError(MsgdropError):

@@ -12,7 +12,8 @@ from typing import Any, NamedTuple
 import pytest
 
 from msgdrop_cli.definition.load import list_definitions, load_definition
-from msgdrop_cli.definition.plan import Plan, parse_seeds, plan
+from msgdrop_cli.definition.plan import Plan, plan
+from msgdrop_cli.definition.seeds import parse_seeds
 from msgdrop_cli.engine.offers import catalogue
 from tests.answering_runs import write_answers
 from tests.cli_runs import ROOT, Said, msgdrop

@@ -7,7 +7,8 @@ from typing import Any
 import pytest
 
 from msgdrop_cli.definition.channel import Channel
-from msgdrop_cli.definition.plan import Plan, ad_hoc_definition, parse_seeds, plan
+from msgdrop_cli.definition.plan import Plan, ad_hoc_definition, plan
+from msgdrop_cli.definition.seeds import parse_seeds
 from msgdrop_cli.definition.spec import Claim, PlannedRun, Profile, Variant
 from msgdrop_cli.errors import DefinitionError
 from tests.definition_samples import CATALOGUE, DEFINITION

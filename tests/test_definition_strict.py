@@ -6,7 +6,8 @@ from typing import Any, Literal
 
 import pytest
 
-from msgdrop_cli.definition.strict import Where, build, one_line, overlay, whole_number
+from msgdrop_cli.definition.strict import Where, build, one_line, overlay
+from msgdrop_cli.definition.typed_numbers import whole_number
 from msgdrop_cli.errors import DefinitionError
 
 

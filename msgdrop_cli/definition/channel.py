@@ -14,8 +14,9 @@ from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any, Literal, get_args
 
-from msgdrop_cli.definition.strict import number, shown
+from msgdrop_cli.definition.strict import shown
 from msgdrop_cli.definition.traces import TraceFile
+from msgdrop_cli.definition.typed_numbers import number
 from msgdrop_cli.errors import nearest
 
 LINKS = "links"

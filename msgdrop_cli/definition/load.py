@@ -25,7 +25,7 @@ from msgdrop_cli.definition.spec import (
     Variant,
 )
 from msgdrop_cli.definition.strict import Where, build, read_toml
-from msgdrop_cli.errors import DefinitionError, nearest
+from msgdrop_cli.errors import DefinitionError, Mistakes, nearest
 
 _LARGEST_FILE = 1_000_000
 
@@ -136,12 +136,14 @@ def _parsed(name: str, file: str, content: bytes, *, shipped: bool) -> Definitio
     where = Where(file)
     _check_names([name], where)
     read = _with_traces(build(QuestionFile, read_toml(content, where), where), where)
-    _check(read, where)
-    claims = tuple(
-        each
-        for number, claim in enumerate(read.claims, start=1)
-        for each in _claims(claim, read, where.at("claims").at(str(number)))
-    )
+    mistakes = Mistakes()
+    with mistakes:
+        _check(read, where)
+    claims: list[Claim] = []
+    for number, claim in enumerate(read.claims, start=1):
+        with mistakes:
+            claims += _claims(claim, read, where.at("claims").at(str(number)))
+    mistakes.tell()
     if read.registration:
         place = where.at("registration")
         _check_registration(read.registration, claims, place)
@@ -157,7 +159,7 @@ def _parsed(name: str, file: str, content: bytes, *, shipped: bool) -> Definitio
         channels=read.channels,
         variants=read.variants,
         profiles=read.profiles,
-        claims=claims,
+        claims=tuple(claims),
         registration=read.registration,
         shipped=shipped,
     )
@@ -200,10 +202,14 @@ def _check(read: QuestionFile, where: Where) -> None:
             raise place.error(
                 f"{other!r} has it, too; tables and figures could not tell them apart"
             )
+    mistakes = Mistakes()
     for name, profile in read.profiles.items():
         place = where.at("profiles").at(name)
-        _check_known(profile.environments, read.environments, place.at("environments"))
-        _check_known(profile.variants, read.variants, place.at("variants"))
+        with mistakes:
+            _check_known(profile.environments, read.environments, place.at("environments"))
+        with mistakes:
+            _check_known(profile.variants, read.variants, place.at("variants"))
+    mistakes.tell()
 
 
 def _check_names(names: Iterable[str], where: Where) -> None:

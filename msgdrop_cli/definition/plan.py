@@ -6,8 +6,10 @@ What a variant sets itself is overridden by its own name only:
 long is explored, the latter follows (`_explored`).
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
+from itertools import product
 from typing import Any
 
 from msgdrop_cli.definition.catalogue import Catalogue
@@ -25,6 +27,7 @@ from msgdrop_cli.definition.profiles import profile_called
 from msgdrop_cli.definition.readings import about_explored, as_overrides, explored_in, under
 from msgdrop_cli.definition.registration import registered_as
 from msgdrop_cli.definition.run_id import run_id
+from msgdrop_cli.definition.seeds import checked_seeds
 from msgdrop_cli.definition.spec import (
     NAME,
     Claim,
@@ -36,15 +39,13 @@ from msgdrop_cli.definition.spec import (
     Variant,
     record_name,
 )
-from msgdrop_cli.definition.strict import Where, overlay, parse, shallow, shown, whole_number
-from msgdrop_cli.errors import DefinitionError
+from msgdrop_cli.definition.strict import Where, overlay, parse, shallow, shown
+from msgdrop_cli.errors import DefinitionError, Mistakes
 
 AD_HOC, AD_HOC_NAME = "msgdrop train", "train"
 """The file and the name of a question of which no file asks."""
 EXPLORING = "epsilon_anneal_env_steps"
 """The field of a learner that explores less and less."""
-_MOST_SEEDS = 1_000
-_LARGEST_SEED = 2**31 - 1
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -79,16 +80,16 @@ def plan(
 
     readings: names of other readings of the paper that it is asked under (`readings.py`).
 
-    Raises DefinitionError, in one line: unknown profile, environment, algorithm, channel, reading
-    or key, a value of the wrong type or out of range, a seed that is refused, an override of what
-    a variant sets itself, or two variants that are one.
+    Raises DefinitionError, a line each mistake: unknown profile, environment, algorithm, channel,
+    reading or key, a value of the wrong type or out of range, a seed that is refused, an override
+    of what a variant sets itself, or two variants that are one.
     """
     where = Where(definition.file)
     chosen = profile_called(definition, profile)
     if seeds is None:
-        numbers = _checked_seeds(chosen.seeds, where.at("profiles").at(profile).at("seeds"))
+        numbers = checked_seeds(chosen.seeds, where.at("profiles").at(profile).at("seeds"))
     else:
-        numbers = _checked_seeds(tuple(seeds), Where("--seeds"))
+        numbers = checked_seeds(tuple(seeds), Where("--seeds"))
     arms = {name: definition.variants[name] for name in chosen.variants or definition.variants}
     environments = chosen.environments or definition.environments
     changes = tuple(parse_override(text, catalogue.settings()) for text in overrides)
@@ -96,12 +97,11 @@ def plan(
     changes = (*as_overrides(readings, environments), *changes)
     called = under(profile, readings)
     resolver = Resolver(definition, profile, called, catalogue, changes)
-    runs = [
-        resolver.run(environment, variant, seed)
-        for environment in environments
-        for variant in arms
-        for seed in numbers
-    ]
+    runs, mistakes = [], Mistakes()
+    for environment, variant, seed in product(environments, arms, numbers):
+        with mistakes:
+            runs.append(resolver.run(environment, variant, seed))
+    mistakes.tell()
     if catalogue.checks_values:  # of good values only: to name another arm is no help with bad ones
         check_arms(changes, arms, catalogue)
         _check_distinct(runs, where.at("profiles").at(profile))
@@ -145,20 +145,6 @@ def ad_hoc_definition(
     )
 
 
-def parse_seeds(text: str, option: str = "--seeds") -> tuple[int, ...]:
-    """The seeds that `--seeds` asks for: `3` means 1, 2 and 3; `1,5,9` exactly these; `7,` just 7.
-
-    Raises DefinitionError for anything but different whole numbers from 1 to 2**31 - 1.
-    """
-    where = Where(option)
-    try:
-        numbers = tuple(whole_number(word) for word in text.removesuffix(",").split(","))
-    except ValueError:
-        expected = "expected a count (3) or a list of seeds (1,5,9)"
-        raise where.error(f"{expected}, not {shown(text)}") from None
-    return _checked_seeds(numbers if "," in text else numbers[0], where)
-
-
 def _check_distinct(runs: Sequence[PlannedRun], where: Where) -> None:
     """Refuse (DefinitionError) two variants that are one run: they would be compared as two."""
     first: dict[str, PlannedRun] = {}
@@ -188,19 +174,6 @@ def _checked_channels(
     return channels
 
 
-def _checked_seeds(seeds: int | tuple[int, ...], where: Where) -> tuple[int, ...]:
-    if isinstance(seeds, int):
-        if not 1 <= seeds <= _MOST_SEEDS:
-            raise where.error(f"expected 1 to {_MOST_SEEDS} seeds, not {shown(seeds)}")
-        return tuple(range(1, seeds + 1))
-    if not 1 <= len(seeds) <= _MOST_SEEDS or len(set(seeds)) < len(seeds):
-        raise where.error(f"expected 1 to {_MOST_SEEDS} seeds, all different")
-    for seed in seeds:
-        if not 1 <= seed <= _LARGEST_SEED:
-            raise where.error(f"a seed lies between 1 and {_LARGEST_SEED}, not {shown(seed)}")
-    return seeds
-
-
 @dataclass(frozen=True, slots=True)
 class Resolver:
     """Lays the tables of one profile over each other, for any of its variants."""
@@ -217,15 +190,12 @@ class Resolver:
     def run(self, environment: str, variant: str, seed: int) -> PlannedRun:
         """The run of one variant with one seed; raises DefinitionError."""
         arm = self.definition.variants[variant]
-        place = Where(self.definition.file).at("variants").at(variant).at("algorithm")
-        try:
+        file, mistakes = Where(self.definition.file), Mistakes()
+        with mistakes, _at(file.at("environments")):
             paper = self.catalogue.environment(environment)
-        except DefinitionError as error:
-            raise Where(self.definition.file).at("environments").error(str(error)) from None
-        try:
+        with mistakes, _at(file.at("variants").at(variant).at("algorithm").at("name")):
             named = self.catalogue.algorithm(arm.algorithm["name"])
-        except DefinitionError as error:
-            raise place.at("name").error(str(error)) from None
+        mistakes.tell()
         try:
             sizes = self.catalogue.sizes(environment, named.learner)
         except DefinitionError as error:
@@ -235,16 +205,23 @@ class Resolver:
             (papers.at("algorithm"), sizes.algorithm),
             (Where(f"algorithm {arm.algorithm['name']}"), named.overrides),
         ]
-        algorithm.append(self._explored(overlay(named.config_class, algorithm)))
+        with mistakes:
+            algorithm.append(self._explored(overlay(named.config_class, algorithm)))
         training = [(papers.at("training"), sizes.training)]
+        game = [(papers, shallow(paper))]
+        with mistakes:
+            environment_config = self._resolved(type(paper), "environment", variant, game)
+        with mistakes:
+            config = self._resolved(named.config_class, "algorithm", variant, algorithm)
+        with mistakes:
+            trained = self._resolved(TrainingSpec, "training", variant, training)
+        mistakes.tell()
         spec = RunSpec(
             environment=record_name(environment),
-            environment_config=self._resolved(
-                type(paper), "environment", variant, [(papers, shallow(paper))]
-            ),
+            environment_config=environment_config,
             algorithm=named.learner,
-            algorithm_config=self._resolved(named.config_class, "algorithm", variant, algorithm),
-            training=self._resolved(TrainingSpec, "training", variant, training),
+            algorithm_config=config,
+            training=trained,
             seed=seed,
         )
         if spec.training.channel != NONE_BROKEN.key and self.catalogue.check_channel:
@@ -297,3 +274,12 @@ class Resolver:
         self.origins.update({f"{section}.{key}": place for place, table in layers for key in table})
         # Once more through the types: a default written 0 for a float gives the run id of 0.0.
         return overlay(cls, [(file, shallow(made))])
+
+
+@contextmanager
+def _at(place: Where) -> Iterator[None]:
+    """A context whose DefinitionErrors are told at a place."""
+    try:
+        yield
+    except DefinitionError as error:
+        raise place.error(str(error)) from None

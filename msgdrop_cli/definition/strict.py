@@ -7,8 +7,7 @@ import math
 import re
 import tomllib
 import types
-from collections.abc import Mapping, Sequence
-from contextlib import suppress
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import MISSING, Field, dataclass, fields, is_dataclass
 from functools import cache
 from typing import (
@@ -23,10 +22,11 @@ from typing import (
     get_type_hints,
 )
 
-from msgdrop_cli.errors import DefinitionError, nearest
+from msgdrop_cli.errors import DefinitionError, Mistakes, nearest
 
 _BARE_KEY = re.compile(r"[A-Za-z0-9_-]{1,64}")
-_LARGEST_INT = 2**63 - 1
+LARGEST_INT = 2**63 - 1
+"""What TOML has room for."""
 _hints = cache(get_type_hints)  # else a fifth of reading thousands of records
 _NAMES: Mapping[Any, str] = types.MappingProxyType(
     {bool: "true or false", int: "a whole number", float: "a finite number", str: "a line of text"}
@@ -88,19 +88,25 @@ def overlay(cls: type[T], layers: Sequence[tuple[Where, Any]]) -> T:
     layer may still repair it. Raises DefinitionError, as `build` does.
     """
     values: dict[str, Any] = {}
-    failure: DefinitionError | None = None
+    given = set[str]()
+    mistakes = Mistakes()
+    failure: list[DefinitionError] = []
     made: T | None = None
     for where, table in layers:
-        values |= parse(cls, table, where)
-        if missing := [name for name in _required(cls) if name not in values]:
-            made, failure = None, where.error(f"{missing[0]!r} is missing")
+        with mistakes:
+            values |= parse(cls, table, where)
+        given.update(table if isinstance(table, Mapping) else ())
+        if missing := [each.name for each in _required(cls) if given.isdisjoint(names_of(each))]:
+            made, failure = None, [where.error(f"{name!r} is missing") for name in missing]
             continue
         try:
-            made, failure = cls(**values), None
+            made, failure = None if mistakes.found else cls(**values), []
         except (ValueError, ArithmeticError) as error:
-            made, failure = None, failure or where.error(str(error))
+            made, failure = None, failure or [where.error(str(error))]
+    mistakes.add(*failure)
+    mistakes.tell()
     if made is None:
-        raise failure or DefinitionError(f"nothing says how to make a {cls.__name__}")
+        raise DefinitionError(f"nothing says how to make a {cls.__name__}")
     return made
 
 
@@ -114,13 +120,16 @@ def parse(cls: type[_Dataclass], table: Any, where: Where) -> dict[str, Any]:
     hints = _hints(cls)
     names = {name: each.name for each in fields(cls) if each.init for name in names_of(each)}
     values: dict[str, Any] = {}
+    mistakes = Mistakes()
     for key, value in table.items():
-        if key not in names:
-            raise where.at(str(key)).error(f"unknown key; {nearest(str(key)[:64], names)}")
-        if names[key] in values:
-            both = " and ".join(known for known in names if names[known] == names[key])
-            raise where.error(f"{both} are two words for one thing; keep one")
-        values[names[key]] = convert(value, hints[names[key]], where.at(key))
+        with mistakes:
+            if key not in names:
+                raise where.at(str(key)).error(f"unknown key; {nearest(str(key)[:64], names)}")
+            if names[key] in values:
+                both = " and ".join(known for known in names if names[known] == names[key])
+                raise where.error(f"{both} are two words for one thing; keep one")
+            values[names[key]] = convert(value, hints[names[key]], where.at(key))
+    mistakes.tell()
     return values
 
 
@@ -155,7 +164,7 @@ def convert(value: Any, hint: Any, where: Where) -> Any:
     if isinstance(origin, type) and issubclass(origin, Mapping):
         if not isinstance(value, Mapping):
             raise _wrong(value, hint, where)
-        return {key: convert(entry, arguments[1], where.at(key)) for key, entry in value.items()}
+        return dict(_all((key, entry, arguments[1], where.at(key)) for key, entry in value.items()))
     if hasattr(hint, "read") and not isinstance(value, hint):
         try:
             return hint.read(value)
@@ -164,32 +173,6 @@ def convert(value: Any, hint: Any, where: Where) -> Any:
     if isinstance(hint, type) and is_dataclass(hint):
         return value if isinstance(value, hint) else build(hint, value, where)
     raise TypeError(f"{where}: no reader for fields of type {hint}")
-
-
-def whole_number(text: str) -> int:
-    """The whole number that somebody typed: `1000`, `1_000` or `1e3`.
-
-    Raises ValueError for any other text and for numbers beyond 64 bits; the caller knows where.
-    """
-    for read in (int, float):
-        with suppress(ValueError):
-            value = _whole(read(text if text.isascii() else ""))
-            if type(value) is int and abs(value) <= _LARGEST_INT:
-                return value
-    raise ValueError(f"expected a whole number such as 1000, 1_000 or 1e3, not {shown(text)}")
-
-
-def number(text: str) -> float:
-    """The number that somebody typed: `0.3` or `30%`, which are equal.
-
-    Raises ValueError for any other text and for what is not finite; the caller knows where.
-    """
-    digits = text.removesuffix("%").strip()
-    # Read as 33.3e-2, since 33.3 / 100 is another number than 0.333, and another run.
-    value = float(digits if digits == text else f"{digits}e-2")
-    if not math.isfinite(value):
-        raise ValueError(f"expected a finite number, not {shown(text)}")
-    return value + 0.0  # -0.0 is 0.0
 
 
 def one_line(text: str) -> str:
@@ -207,23 +190,23 @@ def shown(value: Any) -> str:
         return "a list"
     if value is None or isinstance(value, bool):
         return {None: "nothing", True: "true", False: "false"}[value]
-    if isinstance(value, int) and abs(value) > _LARGEST_INT:
+    if isinstance(value, int) and abs(value) > LARGEST_INT:
         return "a number beyond 64 bits"
     text = repr(value) if isinstance(value, str | float) else str(value)
     return text if len(text) <= 50 else f"{text[:47]}..."
 
 
-def _whole(value: int | float) -> int | float:
+def without_fraction(value: int | float) -> int | float:
     """`1e6` as 1000000; what has a fraction or is not finite stays a float."""
     return int(value) if isinstance(value, float) and value.is_integer() else value
 
 
 def _scalar(value: Any, hint: Any, where: Where) -> Any:
     if hint is int and type(value) is float:
-        value = _whole(value)
-    if hint is float and type(value) is int and abs(value) <= _LARGEST_INT:
+        value = without_fraction(value)
+    if hint is float and type(value) is int and abs(value) <= LARGEST_INT:
         value = float(value)
-    if type(value) is not hint or (hint is int and abs(value) > _LARGEST_INT):
+    if type(value) is not hint or (hint is int and abs(value) > LARGEST_INT):
         raise _wrong(value, hint, where)
     if hint is float:
         if not math.isfinite(value):
@@ -267,7 +250,19 @@ def _tuple(value: Any, hint: Any, where: Where) -> tuple[Any, ...]:
     if len(items) != len(value):
         raise where.error(f"expected {len(items)} entries, not {len(value)}")
     pairs = enumerate(zip(value, items, strict=True), start=1)
-    return tuple(convert(entry, item, where.at(str(number))) for number, (entry, item) in pairs)
+    entries = ((number, entry, item, where.at(str(number))) for number, (entry, item) in pairs)
+    return tuple(entry for _, entry in _all(entries))
+
+
+def _all(entries: Iterable[tuple[Any, Any, Any, Where]]) -> list[tuple[Any, Any]]:
+    """Keys and values, these as their types; all that are wrong are told together."""
+    mistakes = Mistakes()
+    found = []
+    for key, value, hint, where in entries:
+        with mistakes:
+            found.append((key, convert(value, hint, where)))
+    mistakes.tell()
+    return found
 
 
 def _wrong(value: Any, hint: Any, where: Where) -> DefinitionError:
@@ -285,9 +280,9 @@ def _described(hint: Any) -> str:
     return f"a {hint.__name__.lower()}" if hasattr(hint, "read") else "a table"
 
 
-def _required(cls: type[_Dataclass]) -> list[str]:
+def _required(cls: type[_Dataclass]) -> list[Field[Any]]:
     return [
-        field.name
+        field
         for field in fields(cls)
         if field.init and field.default is MISSING and field.default_factory is MISSING
     ]

@@ -4,7 +4,8 @@ import re
 from dataclasses import dataclass
 
 from msgdrop_cli.definition.channel import Channel
-from msgdrop_cli.definition.strict import number, shown, whole_number
+from msgdrop_cli.definition.strict import shown
+from msgdrop_cli.definition.typed_numbers import number, whole_number
 from msgdrop_cli.errors import DefinitionError
 
 _RANGE = re.compile(r"([0-9.]+(?:e-?[0-9]+)?%?)\.\.([0-9.]+(?:e-?[0-9]+)?%?):([0-9]+)(?=[,+]|$)")

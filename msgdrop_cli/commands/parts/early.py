@@ -14,10 +14,10 @@ from msgdrop_cli.commands.parts.vocabulary import Section
 from msgdrop_cli.definition.catalogue import Catalogue, NamedAlgorithm, PaperSizes
 from msgdrop_cli.definition.overrides import parse_override
 from msgdrop_cli.definition.paper import paper_sizes, sizes_of
-from msgdrop_cli.definition.plan import Plan, plan
-from msgdrop_cli.definition.spec import Definition, is_factory
+from msgdrop_cli.definition.plan import plan
+from msgdrop_cli.definition.spec import Claim, Definition, is_factory
 from msgdrop_cli.definition.strict import Where, convert
-from msgdrop_cli.errors import DefinitionError, nearest
+from msgdrop_cli.errors import DefinitionError, Mistakes, nearest
 
 _TYPES: Mapping[str, Any] = {
     **{"int": int, "float": float, "bool": bool, "str": str, "tuple[int, int]": tuple[int, int]},
@@ -35,29 +35,35 @@ def check_early(
     known = told()
     if known is None or any(map(is_factory, games)):
         return
-    asked = plan(definition, profile, known, overrides=overrides, readings=readings, seeds=(1,))
-    check_metrics(
-        asked,
-        {
-            name: vocabulary.metrics(sources.module(game.package, "rules"))
-            for game in vocabulary.environments()
-            for name in game.names
-        },
-    )
+    mistakes = Mistakes()
+    with mistakes:
+        plan(definition, profile, known, overrides=overrides, readings=readings, seeds=(1,))
+    measured = {
+        name: vocabulary.metrics(sources.module(game.package, "rules"))
+        for game in vocabulary.environments()
+        for name in {*game.names}.intersection(games)
+    }
+    with mistakes:
+        check_metrics(definition.file, definition.claims, measured)
+    mistakes.tell()
 
 
-def check_metrics(asked: Plan, measured: Mapping[str, Collection[str]]) -> None:
+def check_metrics(
+    file: str, claims: Sequence[Claim], measured: Mapping[str, Collection[str]]
+) -> None:
     """Refuse (DefinitionError) claims on metrics that their environments have not.
 
     measured: by environment. What a learning curve is drawn of depends on the learner; it is not
     checked.
     """
-    for claim in asked.claims:
+    mistakes = Mistakes()
+    for claim in claims:
         metrics = measured.get(claim.environment)
         if metrics and claim.measure == "evaluation" and claim.metric not in metrics:
-            where = Where(asked.definition.file).at("claims").at("metric")
             hint = nearest(claim.metric, metrics)
-            raise where.error(f"{claim.environment} does not measure {claim.metric!r}; {hint}")
+            problem = f"{claim.environment} does not measure {claim.metric!r}; {hint}"
+            mistakes.add(Where(file).at("claims").at("metric").error(problem))
+    mistakes.tell()
 
 
 def told() -> Catalogue | None:

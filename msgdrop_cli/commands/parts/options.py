@@ -12,10 +12,11 @@ import typer
 from msgdrop_cli.commands.parts import completion
 from msgdrop_cli.definition.channel import WORDS
 from msgdrop_cli.definition.load import list_askable
-from msgdrop_cli.definition.plan import parse_seeds
 from msgdrop_cli.definition.profiles import profile_called
+from msgdrop_cli.definition.seeds import parse_seeds
 from msgdrop_cli.definition.spec import MOST_EPISODES, Definition
-from msgdrop_cli.definition.strict import Where, one_line, whole_number
+from msgdrop_cli.definition.strict import Where, one_line
+from msgdrop_cli.definition.typed_numbers import whole_number
 from msgdrop_cli.errors import DefinitionError, RecordError, nearest
 from msgdrop_cli.records.files import CANNOT_CREATE
 

@@ -105,7 +105,7 @@ def check_claims(asked: Plan, pending: Sequence[PlannedRun]) -> None:
             with on_no_device(f"{run.spec.environment}, {run.variant}"):
                 env = registry.make(run.spec.environment_config, "meta")
             known[run.spec.environment] = env.metrics
-    check_metrics(asked, known)
+    check_metrics(asked.definition.file, asked.claims, known)
 
 
 @contextmanager

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 from msgdrop_cli.commands.parts import vocabulary
 from msgdrop_cli.definition.channel import Channel, build_channel, only_links
-from msgdrop_cli.definition.strict import number
+from msgdrop_cli.definition.typed_numbers import number
 from msgdrop_cli.errors import DefinitionError
 
 
