@@ -1,5 +1,6 @@
 """What happens before anything is trained: quickly, and nowhere but in the results folder."""
 
+import dataclasses
 import os
 import subprocess
 import sys
@@ -8,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from msgdrop_cli.engine import facts
+from msgdrop_envs import registry
 from tests.cli_runs import ROOT
 from tests.processes import TINY
 
@@ -65,3 +67,17 @@ def test_the_checkout_is_only_looked_at(tmp_path: Path, monkeypatch: pytest.Monk
     monkeypatch.setattr(facts, "__file__", str(source))
     assert len(facts.commit() or "") == 40
     assert index.read_bytes() == before
+
+
+@pytest.mark.parametrize(
+    ("game", "setting"),
+    [
+        ("navigation-n8", "agents"),
+        *(("waterworld-n8", each) for each in ("pursuers", "food", "poison", "sensors")),
+        *(("pursuit-n6", each) for each in ("pursuers", "evaders")),
+    ],
+)
+def test_a_mistyped_number_of_things_is_told_at_once(game: str, setting: str) -> None:
+    """No tables of pairs are begun that take minutes and gigabytes."""
+    with pytest.raises(ValueError, match=f"{setting}.* must be at most "):
+        dataclasses.replace(registry.settings()[game], **{setting: 10_000})

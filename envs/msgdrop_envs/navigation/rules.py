@@ -28,6 +28,8 @@ from msgdrop_envs.protocol import Metric, Transition
 
 PUSHES = ((0.0, 0.0), (1.0, 0.0), (-1.0, 0.0), (0.0, 1.0), (0.0, -1.0))
 """(x, y) of the five actions, in the order of MPE's one-hot actions."""
+MOST_AGENTS = 1_000
+"""Tables of pairs are made of more for minutes, before anything could be said of memory (ours)."""
 DT, DAMPING, SENSITIVITY = 0.1, 0.25, 5.0
 """Time of a step, share of the velocity that it loses, force of a push (MPE)."""
 CONTACT_FORCE, CONTACT_MARGIN = 100.0, 1e-3
@@ -65,6 +67,8 @@ class Config:
         for name in ("agents", "landmarks", "time_limit"):
             if getattr(self, name) < 1:
                 raise ValueError(f"{name} must be at least 1, not {getattr(self, name)}")
+        if self.agents > MOST_AGENTS:
+            raise ValueError(f"agents must be at most {MOST_AGENTS:,}, not {self.agents:,}")
         for name in ("sight", "agent_radius", "cover_radius"):
             if not 0.0 < getattr(self, name) < inf:
                 raise ValueError(f"{name} must be above 0 and finite, not {getattr(self, name)}")

@@ -3,6 +3,10 @@
 from dataclasses import dataclass, field
 from typing import Literal
 
+MOST = 1_000
+"""Things of a kind, and sensors: tables of more are made for minutes, before anything could be said
+of memory (ours)."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Config:
@@ -70,6 +74,9 @@ class Config:
         for name in ("pursuers", "catchers", "food", "sensors", "time_limit"):
             if getattr(self, name) < 1:
                 raise ValueError(f"{name} must be at least 1, not {getattr(self, name)}")
+        for name in ("pursuers", "food", "poison", "sensors"):
+            if getattr(self, name) > MOST:
+                raise ValueError(f"{name} must be at most {MOST:,}, not {getattr(self, name):,}")
         for name in ("radius", "food_size", "poison_size", "sensor_range", "velocity_unit"):
             if not getattr(self, name) > 0:
                 raise ValueError(f"{name} must be above 0, not {getattr(self, name)}")
