@@ -43,7 +43,6 @@ def plan_facts(
     through = "links broken" if only_links(asked.channels) else "channels"
     through += f": {', '.join(channel.word for channel in asked.channels)}"
     busy = crowd() if options.cluster is None and options.device == "cpu" else None
-    assumed = f"{cost.source}; {busy}" if busy else cost.source
     workers = several(min(options.workers, len(looked_up.pending)), "worker")
     facts = {
         "title": definition.title,
@@ -62,7 +61,8 @@ def plan_facts(
             **_pretraining(looked_up.pending),
             "training": f"{left:,} env steps",
             "evaluation": f"{asked.evaluation_episodes:,} episodes a run, {through}",
-            "time": f"{about(cost.seconds, *cost.seconds_range)} with {workers} ({assumed})",
+            "time": f"{about(cost.seconds, *cost.seconds_range)} with {workers} ({cost.source})"
+            + (f"; {busy}" if busy else ""),
             "memory": f"about {size(cost.memory_bytes)}",
             "disk": f"up to {size(cost.disk_bytes)} in {options.results}",
         }
