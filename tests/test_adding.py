@@ -3,14 +3,14 @@
 import ast
 import random
 from fractions import Fraction
-from itertools import product
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 from msgdrop_cli.analysis.metrics import UNKNOWN
-from msgdrop_cli.analysis.statistics import mean, products, total
+from msgdrop_cli.analysis.statistics import mean, signed_sums, total
 
 ROOT = Path(__file__).resolve().parents[1]
 ROOMS = ("msgdrop_cli/analysis", "msgdrop_cli/report", "benchmarks/readme")
@@ -115,11 +115,45 @@ def test_the_order_of_episodes_shows_in_no_digit(numbers: list[float]) -> None:
     assert metric.standard_error(rows) == metric.standard_error(backwards)
 
 
-def test_a_product_adds_in_the_order_of_its_terms(numbers: list[float]) -> None:
-    """As Python's own loop does, bit for bit; BLAS adds as the processor likes."""
-    left = np.array(numbers).reshape(10, 100)
-    right = np.array(numbers[::-1]).reshape(100, 10)
-    expected = np.zeros((10, 10))
-    for row, column, term in product(range(10), range(10), range(100)):
-        expected[row, column] += left[row, term] * right[term, column]
-    assert np.array_equal(products(left, right), expected)
+@pytest.fixture
+def signs() -> Any:
+    """[1000, 5]: -1, 0 and 1."""
+    return np.random.default_rng(5).integers(-1, 2, (1_000, 5)).astype(np.int8)
+
+
+def test_signed_sums_are_the_same_in_any_order(numbers: list[float], signs: Any) -> None:
+    """Of numbers that differ in every other way of adding, and in parts, too."""
+    table = np.array([numbers, numbers[::-1]])
+    found = signed_sums(table, signs)
+    for seed in range(5):
+        order = np.random.default_rng(seed).permutation(1_000)
+        assert np.array_equal(signed_sums(table[:, order], signs[order]), found)
+    first = np.arange(1_000)[:, None] < 300
+    parts = [signed_sums(table, np.where(here, signs, 0)) for here in (first, ~first)]
+    assert np.array_equal(np.add(*parts), found)
+
+
+@pytest.mark.parametrize("size", [1.0, 2.0**-1060, 1e100])
+def test_signed_sums_are_nearly_those_of_the_numbers(
+    numbers: list[float], signs: Any, size: float
+) -> None:
+    """As near as a rounding of each number by a trillionth of the largest; fractions tell."""
+    table = np.array([numbers]) * size
+    exact = [
+        sum(Fraction(float(x)) * int(sign) for x, sign in zip(table[0], column, strict=True))
+        for column in signs.T
+    ]
+    found = signed_sums(table, signs)[0]
+    bound = Fraction(float(abs(table).max())) * 1_000 / 2**42
+    assert all(
+        abs(Fraction(float(x)) - right) <= bound for x, right in zip(found, exact, strict=True)
+    )
+    assert not signed_sums(0.0 * table, signs).any()
+
+
+def test_signed_sums_may_reach_the_largest_whole_number() -> None:
+    """As many terms of the largest size as there can be on their grid: still exact."""
+    numbers = np.full((1, 1_023), 1.0 - 2.0**-44)
+    numbers[0, ::2] = 2.0**-43
+    expected = sum(Fraction(round(x * 2**43), 2**43) for x in numbers[0].tolist())
+    assert signed_sums(numbers, np.ones((1_023, 1), dtype=np.int8))[0, 0] == expected

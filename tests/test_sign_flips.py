@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 from scipy.stats import permutation_test
 
-from msgdrop_cli.analysis.intervals import flip_band, flip_interval, mean_interval
+from msgdrop_cli.analysis.intervals import _drawn, flip_band, flip_interval, mean_interval
 from msgdrop_cli.analysis.sign_flips import (
+    DRAWN_WITH,
     ENUMERATED,
     SAMPLE,
     flipped,
@@ -193,6 +194,15 @@ def test_a_band_is_the_interval_of_every_point() -> None:
     for here, there in zip(drawn, exact, strict=True):
         assert isinstance(there, Interval)
         assert here == pytest.approx(there, abs=0.1)
+
+
+@pytest.mark.parametrize("seeds", [25, 40])
+def test_subsets_drawn_in_parts_are_those_drawn_at_once(seeds: int) -> None:
+    """Which subsets stand for all is no matter of memory; halves of a 64-bit draw go on, too."""
+    whole = np.random.default_rng(DRAWN_WITH).integers(0, 2, (SAMPLE - 1, seeds))
+    chosen, counts = _drawn(seeds, SAMPLE)
+    assert np.array_equal(chosen.T, whole)
+    assert np.array_equal(counts, np.count_nonzero(whole, axis=1))
 
 
 def test_intervals_of_many_seeds_share_what_is_drawn(monkeypatch: pytest.MonkeyPatch) -> None:

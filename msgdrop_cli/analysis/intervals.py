@@ -10,13 +10,15 @@ from functools import lru_cache
 from typing import Any
 
 from msgdrop_cli.analysis.sign_flips import DRAWN_WITH, ENUMERATED, SAMPLE, TOLERANCE
-from msgdrop_cli.analysis.statistics import Interval, products
+from msgdrop_cli.analysis.statistics import Interval, signed_sums
 
 ALPHA = 0.05
 FEWEST = 6
 """Seeds from which on an interval covers 95%: 2 / 2^6 is below 5%, 2 / 2^5 is not."""
 _MOST_OF_CURVES = 2**12
 """Subsets of whole curves; more of them are drawn from."""
+_AT_ONCE = 1_024
+"""Subsets that are drawn together."""
 
 
 def mean_interval(values: Sequence[float]) -> Interval | None:
@@ -57,42 +59,44 @@ def flip_band(curves: Sequence[Sequence[float]], alpha: float) -> list[Interval]
     """
     import numpy as np
 
-    means = _subset_means(np.asarray(curves, dtype=np.float64))
-    cut = math.floor(alpha / 2.0 * (len(means) + 1) + TOLERANCE)
+    means = _subset_means(np.asarray(curves, dtype=np.float64).T)
+    subsets = means.shape[1]
+    cut = math.floor(alpha / 2.0 * (subsets + 1) + TOLERANCE)
     if cut < 1:
         return None
-    ordered = np.partition(means, (cut - 1, len(means) - cut), axis=0)
-    pairs = zip(ordered[cut - 1], ordered[len(means) - cut], strict=True)
-    return [Interval(float(low), float(high)) for low, high in pairs]
+    # One place at a time: numpy's fast way of finding it knows no two.
+    lows, highs = (
+        np.partition(means, place, axis=1)[:, place] for place in (cut - 1, subsets - cut)
+    )
+    return [Interval(*ends) for ends in zip(lows.tolist(), highs.tolist(), strict=True)]
 
 
 def _subset_means(table: Any) -> Any:
-    """The mean of every subset of the rows but the empty one, or of a sample of them.
+    """The mean of every subset of the columns but the empty one, or of a sample of them.
 
-    table: [seeds, points]; returns [subsets, points].
+    table: [points, seeds]; returns [points, subsets].
     """
     import numpy as np
 
-    seeds, points = table.shape
+    points, seeds = table.shape
     if 2**seeds <= (2**ENUMERATED if points == 1 else _MOST_OF_CURVES):
-        sums, counts = np.zeros((1, points)), np.zeros(1)
-        for row in table:
-            sums = np.concatenate([sums, sums + row])
+        sums, counts = np.zeros((points, 1)), np.zeros(1)
+        for column in table.T[:, :, None]:
+            sums = np.concatenate([sums, sums + column], axis=1)
             counts = np.concatenate([counts, counts + 1.0])
-        return sums[1:] / counts[1:, None]
+        return sums[:, 1:] / counts[1:]
     chosen, counts = _drawn(seeds, SAMPLE if points == 1 else _MOST_OF_CURVES)
-    return products(chosen, table) / counts
+    return signed_sums(table, chosen) / counts
 
 
 @lru_cache(maxsize=2)  # hundreds of seeds take longer to draw than to add up
 def _drawn(seeds: int, subsets: int) -> tuple[Any, Any]:
-    """Which seeds are in each drawn subset [subsets - 1, seeds], and how many [subsets - 1, 1].
-
-    A byte each; those of a seed lie side by side in the memory, as `products` reads them.
-    """
+    """Which seeds are in each drawn subset, a byte each [seeds, subsets - 1], and how many."""
     import numpy as np
 
-    chosen = np.random.default_rng(DRAWN_WITH).integers(0, 2, (subsets - 1, seeds))
+    rng = np.random.default_rng(DRAWN_WITH)
+    chosen = np.empty((subsets - 1, seeds), dtype=np.int8)
+    for some in np.array_split(chosen, subsets // _AT_ONCE):  # what is drawn has 8 bytes each
+        some[:] = rng.integers(0, 2, some.shape)
     chosen[~chosen.any(axis=1)] = 1  # hardly ever: the whole set instead of the empty one
-    counts = np.count_nonzero(chosen, axis=1, keepdims=True)
-    return np.asfortranarray(chosen, dtype=np.int8), counts
+    return chosen.T, np.count_nonzero(chosen, axis=1)

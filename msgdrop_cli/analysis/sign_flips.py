@@ -8,7 +8,7 @@ import math
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
-from msgdrop_cli.analysis.statistics import products
+from msgdrop_cli.analysis.statistics import signed_sums
 
 ENUMERATED = 20
 """Seeds up to which all 2^n patterns are gone through."""
@@ -46,7 +46,7 @@ def flipped(
         sums, places = _all_sums(table, sides), np.arange(2 ** (seeds - (sides == 2)))
     else:
         signs = _sampled_signs(seeds, sides)
-        sums, places = products(table, signs.T), np.arange(SAMPLE)
+        sums, places = signed_sums(table, signs.T), np.arange(SAMPLE)
     size = np.sqrt(np.square(table).cumsum(axis=1)[:, -1:])
     found = np.divide(sums, size, out=np.zeros_like(sums), where=size > 0.0)
     statistics = np.full((len(enough), sums.shape[1]), -np.inf)

@@ -1,6 +1,6 @@
 """Estimates over seeds: the seed is the unit; a run's episodes are one number before they get here.
 
-Whatever is published is added up by `total`, in arrays by `cumsum` and `products`: the same bits
+Whatever is published is added up by `total`, in arrays by `cumsum` and `signed_sums`: the same bits
 under every Python, numpy and processor. The builtin `sum` of floats compensates from Python 3.12
 on; `.sum()`, `.mean()` and `@` of arrays may add in any order (test_adding forbids all of these).
 
@@ -20,6 +20,10 @@ RESAMPLES = 10_000
 LEVEL = 0.95
 FEWEST_RESAMPLED = 10
 """Seeds; fewer are not resampled."""
+_EXACT_BITS, _SMALLEST_POWER = 53, -1074
+"""Whole numbers up to 2 to the power of this are float64, and the smallest power of 2 that is."""
+_COLUMNS = 1_024
+"""Of signs that are float64 at a time: those of hundreds of seeds fit the cache."""
 
 
 class Interval(NamedTuple):
@@ -40,17 +44,25 @@ def total(values: Iterable[float]) -> float:
         raise ValueError("a sum is beyond every float") from error
 
 
-def products(left: Any, right: Any) -> Any:
-    """The matrix product of two arrays, float64: each sum in the order of its terms.
+def signed_sums(numbers: Any, signs: Any) -> Any:
+    """The matrix product of numbers and of -1, 0 and 1: exact, so in any order the same bits.
 
-    left: [rows, terms]; right: [terms, columns]; returns [rows, columns].
+    numbers: [rows, terms], rounded to 2^-42 of the largest of their row and finer for up to 1,000
+    terms: to a grid so coarse that a float64 holds every sum of some of them, and `@` may add as
+    the processor likes. signs: [terms, columns]; returns float64 [rows, columns].
     """
     import numpy as np
 
-    found = np.zeros((left.shape[0], right.shape[1]))
-    for column, row in zip(left.T, right, strict=True):
-        found += column[:, None] * row
-    return found
+    rows, terms = numbers.shape
+    largest = np.frexp(np.maximum.reduce(np.abs(numbers), axis=1))[1]  # below 2 to the power of it
+    power = np.maximum(largest + terms.bit_length() - _EXACT_BITS, _SMALLEST_POWER)
+    grain = np.ldexp(1.0, power)[:, None]
+    whole = np.rint(numbers / grain)
+    found = np.empty((rows, signs.shape[1]))
+    for start in range(0, signs.shape[1], _COLUMNS):
+        some = slice(start, start + _COLUMNS)
+        found[:, some] = whole @ signs[:, some].astype(np.float64)
+    return found * grain
 
 
 def mean(values: Sequence[float]) -> float:
