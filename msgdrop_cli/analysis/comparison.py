@@ -4,8 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
-from msgdrop_cli.analysis.curves import Curve, learning_curve
-from msgdrop_cli.analysis.differences import difference_of
+from msgdrop_cli.analysis.curves import Curve, difference_of, learning_curve
 from msgdrop_cli.analysis.evaluations import comparable
 from msgdrop_cli.analysis.intervals import mean_interval
 from msgdrop_cli.analysis.labels import leaves

@@ -5,6 +5,7 @@ A window says what the acting (exploring) policy did in training since the row b
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple
 
 from msgdrop_cli.analysis.intervals import mean_band
@@ -18,15 +19,32 @@ SMOOTHING_SHARE = 0.05
 """Width of the moving mean as a share of the run's env steps."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class Curve:
-    """The seeds' smoothed curves of one arm on their common grid; every list is [points]."""
+    """The seeds' smoothed curves of one arm on their common grid; every list is [points].
+
+    Of many curves few estimates are asked, so each is made when it is asked for, and once.
+    """
 
     env_steps: list[int]
     by_seed: Mapping[int, list[float]]
-    mean: list[float]
-    band: list[Interval] | None
-    """95% sign-flip interval of the mean; below six seeds lowest to highest, None for one."""
+
+    @cached_property
+    def mean(self) -> list[float]:
+        """The mean over seeds."""
+        return [mean(column) for column in zip(*self.by_seed.values(), strict=True)]
+
+    @cached_property
+    def band(self) -> list[Interval] | None:
+        """95% sign-flip interval of the mean; below six seeds lowest to highest, None for one."""
+        return mean_band(list(self.by_seed.values()))
+
+
+class Points(NamedTuple):
+    """The smoothed curve of one run; both lists are [points]."""
+
+    env_steps: list[int]
+    values: list[float]
 
 
 class Window(NamedTuple):
@@ -40,21 +58,40 @@ class Window(NamedTuple):
 
 
 def learning_curve(records: Sequence[RunRecord], metric: str) -> Curve | None:
-    """The mean curve of one arm's runs, and its band; None when no env step is common to all seeds.
+    """The curves of one arm's runs; None when no env step is common to all seeds.
 
     metric: a key of `metrics.jsonl`.
     """
     smoothed = {record.seed: smooth_curve(record, metric) for record in records}
-    grid = sorted(set.intersection(*map(set, smoothed.values()))) if smoothed else []
+    grids = {tuple(each.env_steps) for each in smoothed.values()}  # hundreds of seeds, one grid
+    grid = sorted(set.intersection(*map(set, grids))) if grids else []
     if not grid:
         return None
-    by_seed = {seed: [points[step] for step in grid] for seed, points in smoothed.items()}
-    return Curve(
-        env_steps=grid,
-        by_seed=by_seed,
-        mean=[mean(column) for column in zip(*by_seed.values(), strict=True)],
-        band=mean_band(list(by_seed.values())),
-    )
+    by_seed = {seed: _at(grid, points) for seed, points in smoothed.items()}
+    return Curve(env_steps=grid, by_seed=by_seed)
+
+
+def difference_of(better: Curve, worse: Curve, sign: float = 1.0) -> Curve | None:
+    """The first curve minus the second, seed by seed; None without a common seed or env step."""
+    seeds = [seed for seed in better.by_seed if seed in worse.by_seed]
+    grid = sorted({*better.env_steps} & {*worse.env_steps})
+    if not seeds or not grid:
+        return None
+    by_seed = {}
+    for seed in seeds:
+        one, other = (
+            _at(grid, Points(each.env_steps, each.by_seed[seed])) for each in (better, worse)
+        )
+        by_seed[seed] = [sign * (a - b) for a, b in zip(one, other, strict=True)]
+    return Curve(env_steps=grid, by_seed=by_seed)
+
+
+def _at(grid: Sequence[int], points: Points) -> list[float]:
+    """The values at these env steps, which are among the points'."""
+    if len(grid) == len(points.env_steps):
+        return points.values
+    by_step = dict(zip(*points, strict=True))
+    return [by_step[step] for step in grid]
 
 
 def learning_mean(record: RunRecord, metric: str) -> float | None:
@@ -69,17 +106,11 @@ def learning_mean(record: RunRecord, metric: str) -> float | None:
     return mean
 
 
-def smooth_curve(record: RunRecord, metric: str) -> dict[int, float]:
-    """The metric of one run by env step, in a centred moving mean over SMOOTHING_SHARE of it."""
-    steps, values = record.derive(
-        f"learning curve {metric}",
-        lambda: _columns(_smooth(_windows(record, metric))),
+def smooth_curve(record: RunRecord, metric: str) -> Points:
+    """The metric of one run, in a centred moving mean over SMOOTHING_SHARE of it."""
+    return Points(
+        *record.derive(f"learning curve {metric}", lambda: _smooth(_windows(record, metric)))
     )
-    return dict(zip(steps, values, strict=True))
-
-
-def _columns(points: Mapping[int, float]) -> tuple[list[int], list[float]]:
-    return [*points], [*points.values()]
 
 
 def _learning_mean(windows: Sequence[Window]) -> float | None:
@@ -108,19 +139,18 @@ def _windows(record: RunRecord, metric: str) -> list[Window]:
     return windows
 
 
-def _smooth(windows: Sequence[Window]) -> dict[int, float]:
-    """Centred moving mean over SMOOTHING_SHARE of the run, narrower at both ends; by env step."""
-    if not windows:
-        return {}
-    reach = SMOOTHING_SHARE * windows[-1].env_steps / 2.0
+def _smooth(windows: Sequence[Window]) -> Points:
+    """Centred moving mean over SMOOTHING_SHARE of the run, narrower at both ends."""
+    smoothed = Points([], [])
+    reach = SMOOTHING_SHARE * windows[-1].env_steps / 2.0 if windows else 0.0
     first, last = 0, 0
-    smoothed = {}
     for window in windows:
         while windows[first].env_steps < window.env_steps - reach:
             first += 1
         while last < len(windows) and windows[last].env_steps <= window.env_steps + reach:
             last += 1
-        smoothed[window.env_steps] = _weighted_mean(windows[first:last])
+        smoothed.env_steps.append(window.env_steps)
+        smoothed.values.append(_weighted_mean(windows[first:last]))
     return smoothed
 
 

@@ -2,10 +2,8 @@
 
 from collections.abc import Mapping, Sequence
 
-from msgdrop_cli.analysis.curves import Curve, learning_curve
-from msgdrop_cli.analysis.intervals import mean_band
+from msgdrop_cli.analysis.curves import Curve, difference_of, learning_curve
 from msgdrop_cli.analysis.pairs import Pair, find_pair
-from msgdrop_cli.analysis.statistics import mean
 from msgdrop_cli.analysis.summary import Group, Summary
 from msgdrop_cli.definition.load import list_askable, load_definition
 from msgdrop_cli.definition.spec import Claim
@@ -53,23 +51,3 @@ def paired_curves(pairs: Sequence[Pair]) -> Mapping[tuple[str, str], Curve]:
         if better and worse and (curve := difference_of(better, worse, sign)):
             found[pair.better.variant, pair.worse.variant] = curve
     return found
-
-
-def difference_of(better: Curve, worse: Curve, sign: float = 1.0) -> Curve | None:
-    """The first curve minus the second, seed by seed; None without a common seed or env step."""
-    seeds = [seed for seed in better.by_seed if seed in worse.by_seed]
-    grid = [step for step in better.env_steps if step in set(worse.env_steps)]
-    if not seeds or not grid:
-        return None
-    by_seed = {}
-    for seed in seeds:
-        one, other = (
-            dict(zip(each.env_steps, each.by_seed[seed], strict=True)) for each in (better, worse)
-        )
-        by_seed[seed] = [sign * (one[step] - other[step]) for step in grid]
-    return Curve(
-        env_steps=grid,
-        by_seed=by_seed,
-        mean=[mean(column) for column in zip(*by_seed.values(), strict=True)],
-        band=mean_band(list(by_seed.values())),
-    )

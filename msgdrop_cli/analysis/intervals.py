@@ -89,7 +89,7 @@ def _subset_means(table: Any) -> Any:
     return signed_sums(table, chosen) / counts
 
 
-@lru_cache(maxsize=2)  # hundreds of seeds take longer to draw than to add up
+@lru_cache(maxsize=4)  # drawing takes longer than adding; some arms have a seed more
 def _drawn(seeds: int, subsets: int) -> tuple[Any, Any]:
     """Which seeds are in each drawn subset, a byte each [seeds, subsets - 1], and how many."""
     import numpy as np

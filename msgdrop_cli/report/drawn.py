@@ -7,6 +7,7 @@ shows and which matplotlib drew it stand in its metadata.
 import io
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -20,6 +21,7 @@ from msgdrop_cli.report.write import Folder, write_atomic
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+    from matplotlib.transforms import Bbox
 
 SUFFIXES = ("png", "pdf", "svg", "csv")
 """Of one figure's files: pictures for screens and for print, and the numbers."""
@@ -31,7 +33,7 @@ _MOST_PIXELS = 30_000
 """In width or height; a figure that would be larger is drawn more coarsely."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class Drawn:
     """A figure with what it shows."""
 
@@ -59,10 +61,7 @@ class Drawn:
 
     def picture(self, suffix: str) -> bytes:
         """The figure on its paper, or on as much more as long names or large numbers ask for."""
-        from matplotlib.transforms import Bbox
-
-        usual = self.figure.bbox_inches
-        whole = Bbox.union([usual, self.figure.get_tightbbox().padded(_PAPER)])
+        usual, whole = self.figure.bbox_inches, self._whole
         larger = whole.width > usual.width or whole.height > usual.height
         buffer = io.BytesIO()
         self.figure.savefig(
@@ -73,6 +72,13 @@ class Drawn:
             metadata=self._metadata(suffix),
         )
         return buffer.getvalue()
+
+    @cached_property  # every format has the same, and finding it takes as long as drawing
+    def _whole(self) -> "Bbox":
+        """The usual paper and whatever stands outside of it, in inches."""
+        from matplotlib.transforms import Bbox
+
+        return Bbox.union([self.figure.bbox_inches, self.figure.get_tightbbox().padded(_PAPER)])
 
     def _metadata(self, suffix: str) -> dict[str, Any]:
         """What the picture is made from, under the names of its format, and no date."""
