@@ -9,6 +9,7 @@ from statistics import fmean
 import numpy as np
 import pytest
 
+from msgdrop_cli.analysis import e_process as e_process_module
 from msgdrop_cli.analysis.e_process import BETS, anytime, e_process, mean_at_any_stop
 from tests.claims import AT_SIX, HIGH, LOW, arms, verdict_on
 
@@ -48,6 +49,19 @@ def test_odds_are_fair_whatever_the_sizes(sides: int) -> None:
     assert paths.mean(axis=0) == pytest.approx(np.ones(len(SIZES)), rel=1e-12)
     for alpha in (0.2, 0.05, 0.01):  # Ville: of those who stop when it pleases them, too
         assert (paths.max(axis=1) >= 1.0 / alpha).mean() <= alpha
+
+
+@pytest.mark.parametrize("seeds", [6, 9, 100])
+@pytest.mark.parametrize("shift", [0.0, 30.0])
+def test_means_that_are_ruled_out_unseen_are_not_left(seeds: int, shift: float) -> None:
+    """The interval is the one that is found by the wealth of every place, to the last bit."""
+    values = np.random.default_rng(seeds).standard_t(2, seeds) + shift
+    values[0] = values[1]
+    found = mean_at_any_stop(values.tolist(), 0.05)
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setattr(e_process_module, "_may_be_left", lambda _, means, __: np.isfinite(means))
+        patched.setattr(e_process_module, "_AT_ONCE", 10_000)
+        assert mean_at_any_stop(values.tolist(), 0.05) == found is not None
 
 
 def test_units_do_not_matter() -> None:

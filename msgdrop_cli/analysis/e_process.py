@@ -23,6 +23,8 @@ BETS = (0.5, 1.0, 2.0, 4.0, 8.0)
 nearly the sign test, of which six seeds that agree are worth 22."""
 _PLACES = 2_048
 """Means that are tried on each side."""
+_AT_ONCE = 64
+"""Of them, from the outermost on: one that is left ends the search."""
 
 
 class Anytime(NamedTuple):
@@ -92,7 +94,14 @@ def _end(table: Any, centre: float, step: float, enough: float) -> float:
     while is_left([centre + step])[0] and math.isfinite(centre + step):
         step *= 2.0
     means = np.linspace(centre, centre + step, _PLACES)
-    last = int(np.flatnonzero(is_left(means)).max(initial=0))
+    places = np.flatnonzero(_may_be_left(table, means, enough))[::-1]  # the outermost first
+    last = 0
+    for start in range(0, len(places), _AT_ONCE):
+        some = places[start : start + _AT_ONCE]
+        left = some[is_left(means[some])]
+        if left.size:
+            last = int(left[0])
+            break
     inner, outer = float(means[last]), float(means[min(last + 1, _PLACES - 1)])
     for _ in range(50):
         middle = (inner + outer) / 2.0
@@ -100,13 +109,34 @@ def _end(table: Any, centre: float, step: float, enough: float) -> float:
     return inner
 
 
-def _wealth(table: Any, sides: int) -> Any:
-    """After each seed; table: [studies, seeds], returns the same."""
+def _may_be_left(table: Any, means: Any, enough: float) -> Any:
+    """Which means the Fisher-type bets do not rule out: they win no more, and cost no logarithm.
+
+    One that alone has enough for all, and a little more, for what is lost in adding, rules out.
+    """
+    import numpy as np
+
+    ratio = _over_scale(table - means[:, None])
+    first, second = (each.cumsum(axis=1)[:, -1] for each in (ratio, np.square(ratio)))
+    bets = np.array([*BETS, *(-bet for bet in BETS)])[:, None]
+    won = (bets * first - np.square(bets) * second / 2.0).max(axis=0)
+    return won < math.log(enough * len(bets)) + 1e-6
+
+
+def _over_scale(table: Any) -> Any:
+    """Each value over the root mean square of those so far; table: [studies, seeds]."""
     import numpy as np
 
     counts = np.arange(1.0, table.shape[1] + 1.0)
     scale = np.sqrt(np.square(table).cumsum(axis=1) / counts)
-    ratio = np.divide(table, scale, out=np.zeros_like(table), where=scale > 0.0)
+    return np.divide(table, scale, out=np.zeros_like(table), where=scale > 0.0)
+
+
+def _wealth(table: Any, sides: int) -> Any:
+    """After each seed; table: [studies, seeds], returns the same."""
+    import numpy as np
+
+    ratio = _over_scale(table)
     bets = np.array(BETS if sides == 1 else [*BETS, *(-bet for bet in BETS)])[:, None, None]
     # exp(x) / cosh(x) is 2 / (1 + exp(-2 x)), which does not overflow in logarithms.
     gains = math.log(2.0) - np.logaddexp(0.0, -2.0 * bets * ratio)  # [bets, studies, seeds]

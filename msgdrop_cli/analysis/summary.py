@@ -13,7 +13,7 @@ from itertools import chain, groupby
 from types import MappingProxyType
 from typing import Any, NamedTuple
 
-from msgdrop_cli.analysis.evaluations import Measured, comparable
+from msgdrop_cli.analysis.evaluations import Measured, comparable, evaluations_of
 from msgdrop_cli.analysis.labels import remarks, shared_overrides
 from msgdrop_cli.analysis.metrics import UNKNOWN, Metrics, metrics_of
 from msgdrop_cli.analysis.order import in_order
@@ -151,6 +151,14 @@ def summarise(
     return Summary(
         arms=tuple(arms), bootstrap_seed=bootstrap_seed, references=references, left_out=left_out
     )
+
+
+def check_readable(record: RunRecord) -> None:
+    """Read what a summary reads of a run; raises RecordError as `summarise` does."""
+    _group(record)
+    metrics = metrics_of(record)
+    if record.status == "done":
+        evaluations_of(record, metrics.all, None)
 
 
 def once_each(records: Iterable[RunRecord]) -> list[RunRecord]:

@@ -13,7 +13,7 @@ from typing import NamedTuple
 from msgdrop_cli.analysis.curves import smooth_curve
 from msgdrop_cli.analysis.metrics import metrics_of
 from msgdrop_cli.analysis.reproduction import Answer
-from msgdrop_cli.analysis.summary import Summary, summarise
+from msgdrop_cli.analysis.summary import Summary, check_readable, summarise
 from msgdrop_cli.commands.parts.carry_out import as_planned
 from msgdrop_cli.commands.parts.find_references import references_of
 from msgdrop_cli.definition.catalogue import Catalogue
@@ -189,7 +189,7 @@ def _checked(matched: Iterable[_Matched]) -> tuple[list[RunRecord], list[Unreada
 def _read_logs(record: RunRecord) -> None:
     if record.status == "done":
         smooth_curve(record, metrics_of(record).headline.name)
-    summarise([record])
+    check_readable(record)
 
 
 def _of(definition: Definition, ids: set[tuple[str, str, str]], summary: Summary) -> Summary:
