@@ -1,14 +1,18 @@
 """Which runs answer a shipped question: those that it plans, whatever they are called."""
 
 import shutil
+from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from msgdrop_cli.analysis.curves import smooth_curve
+from msgdrop_cli.analysis.summary import Summary, summarise
 from msgdrop_cli.commands.parts.answers import Answers, find_answers
 from msgdrop_cli.definition.load import load_definition
 from msgdrop_cli.engine.offers import catalogue
+from msgdrop_cli.records.store import RunRecord
 from tests.answering_runs import write_answers
 from tests.fake_runs import write_run
 
@@ -122,3 +126,19 @@ def test_every_copy_of_a_run_is_there_once(tmp_path: Path) -> None:
     as_published(tmp_path, "broken-links-quick")
     for copies in answers(tmp_path, "broken-links").copies.values():
         assert [record.is_own for record in copies] == [False, True]
+
+
+def test_thousands_of_runs_load_no_definition_each(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Each run is looked at alone before all are summed up: for damage, and once."""
+    write_answers(tmp_path)
+    counted: list[int] = []
+
+    def noted(records: Sequence[RunRecord], **options: Any) -> Summary:
+        counted.append(len(records))
+        return summarise(records, **options)
+
+    monkeypatch.setattr("msgdrop_cli.commands.parts.answers.summarise", noted)
+    found = answers(tmp_path, "broken-links")
+    assert counted == [len(found.records)]

@@ -11,7 +11,7 @@ import pytest
 
 from msgdrop_cli.definition.cohorts import group
 from msgdrop_cli.definition.plan import plan
-from msgdrop_cli.definition.run_id import run_id, spec_from_dict, spec_to_dict
+from msgdrop_cli.definition.run_id import run_id, run_ids, spec_from_dict, spec_to_dict
 from msgdrop_cli.definition.spec import PlannedRun, RunSpec, TrainingSpec
 from msgdrop_cli.engine.offers import catalogue
 from msgdrop_cli.errors import DefinitionError
@@ -72,6 +72,12 @@ def test_cosmetic_fields_do_not_change_the_id(other: RunSpec) -> None:
     """Fields that say they are cosmetic stand in the record but not in the id."""
     assert run_id(other) == run_id(SPEC)
     assert spec_to_dict(other) != spec_to_dict(SPEC)
+
+
+def test_ids_of_many_seeds_are_those_of_each_seed() -> None:
+    """Whatever is made anew for each of them."""
+    seeds = (0, 1, 12, 2**63 - 1)
+    assert [*run_ids(SPEC, seeds)] == [run_id(replaced(seed=seed)) for seed in seeds]
 
 
 def test_a_later_setting_at_its_default_leaves_id_and_record_as_they_were() -> None:

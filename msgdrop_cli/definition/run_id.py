@@ -2,7 +2,7 @@
 
 import hashlib
 import json
-from collections.abc import Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, fields, is_dataclass
 from typing import Any
 
@@ -39,9 +39,25 @@ def run_id(spec: RunSpec) -> str:
     return short_hash(spec_to_dict(spec, cosmetic=False))
 
 
+def run_ids(spec: RunSpec, seeds: Iterable[int]) -> Iterator[str]:
+    """The `run_id` of a spec with each of these seeds; of thousands only the hash is made anew."""
+    table = spec_to_dict(spec, cosmetic=False)
+    before = _canonical({key: value for key, value in table.items() if key < "seed"})
+    after = _canonical({key: value for key, value in table.items() if key > "seed"})
+    for seed in seeds:
+        yield _digits(f'{before[:-1]},"seed":{seed},{after[1:]}')
+
+
 def short_hash(table: Mapping[str, Any]) -> str:
     """The first 8 hex digits of the SHA-256 of a table as canonical JSON."""
-    text = json.dumps(table, sort_keys=True, separators=(",", ":"), allow_nan=False)
+    return _digits(_canonical(table))
+
+
+def _canonical(table: Mapping[str, Any]) -> str:
+    return json.dumps(table, sort_keys=True, separators=(",", ":"), allow_nan=False)
+
+
+def _digits(text: str) -> str:
     return hashlib.sha256(text.encode()).hexdigest()[:8]
 
 

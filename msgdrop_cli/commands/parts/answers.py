@@ -5,7 +5,7 @@ count. So a run of somebody else's question, or one with a setting of its own, a
 """
 
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import NamedTuple
@@ -19,7 +19,7 @@ from msgdrop_cli.commands.parts.find_references import references_of
 from msgdrop_cli.definition.catalogue import Catalogue
 from msgdrop_cli.definition.plan import plan
 from msgdrop_cli.definition.readings import apart, readings_of, under
-from msgdrop_cli.definition.run_id import run_id
+from msgdrop_cli.definition.run_id import run_ids
 from msgdrop_cli.definition.spec import Definition, PlannedRun
 from msgdrop_cli.errors import RecordError
 from msgdrop_cli.records.counted import by_run_id, preferred
@@ -135,12 +135,13 @@ class _Matched:
         self.scales: list[Scale] = []
         for scale in _scales(definition, records):
             mine = 0
-            for run in _planned(definition, scale, catalogue, seeds):
-                copies = by_id.pop(run.run_id, ())  # once: the scale most records name
-                for record in preferred(copies, definition.name)[:1]:
-                    self.records.append(as_planned(record, run))
-                    self.ids.add((run.run_id, run.variant, run.profile))
-                    mine += 1
+            for planned in _planned(definition, scale, catalogue, seeds):
+                for run_id in run_ids(planned.spec, seeds):
+                    copies = by_id.pop(run_id, ())  # once: the scale most records name
+                    for record in preferred(copies, definition.name)[:1]:
+                        self.records.append(as_planned(record, planned))
+                        self.ids.add((run_id, planned.variant, planned.profile))
+                        mine += 1
             if mine:
                 self.scales.append(scale)
 
@@ -159,17 +160,13 @@ def _scales(definition: Definition, records: Sequence[RunRecord]) -> list[Scale]
 
 def _planned(
     definition: Definition, scale: Scale, catalogue: Catalogue, seeds: Sequence[int]
-) -> Iterator[PlannedRun]:
-    """The runs of a scale for these seeds: a plan for the first, which others differ from by it."""
+) -> Sequence[PlannedRun]:
+    """The runs of a scale for the first of these seeds, from which others differ by theirs."""
     if not seeds:
-        return
-    asked = plan(
+        return ()
+    return plan(
         whole(definition), scale.profile, catalogue, readings=scale.readings, seeds=seeds[:1]
-    )
-    for run in asked.runs:
-        for seed in seeds:
-            spec = replace(run.spec, seed=seed)
-            yield replace(run, spec=spec, run_id=run_id(spec))
+    ).runs
 
 
 def _checked(matched: Iterable[_Matched]) -> tuple[list[RunRecord], list[Unreadable]]:
