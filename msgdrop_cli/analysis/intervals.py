@@ -26,6 +26,11 @@ def mean_interval(values: Sequence[float]) -> Interval | None:
 
     Raises ValueError when there is no value.
     """
+    return _mean_interval(tuple(values))
+
+
+@lru_cache(maxsize=256)  # figures, tables and claims ask for the same ones
+def _mean_interval(values: tuple[float, ...]) -> Interval | None:
     band = mean_band([[value] for value in values])
     return band[0] if band else None
 

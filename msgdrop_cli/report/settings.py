@@ -3,6 +3,7 @@
 Nobody's matplotlibrc, MPLBACKEND, style or home directory can change a figure or prevent one.
 """
 
+import gc
 import logging
 import os
 import sys
@@ -14,6 +15,8 @@ from typing import Any
 
 FONT = "DejaVu Sans"
 """Comes with matplotlib, so every machine has it."""
+_RARELY = 100
+"""Times as many objects as else are made before Python looks for garbage: some 10 MB more."""
 _OURS: Mapping[str, Any] = MappingProxyType(
     {
         "font.family": [FONT],
@@ -31,8 +34,10 @@ def own_settings() -> Iterator[None]:
     What it has to say about files of the user's that it would like to have is not for the user.
     """
     logger = logging.getLogger("matplotlib")
-    level = logger.level
+    level, threshold = logger.level, gc.get_threshold()
     logger.setLevel(logging.ERROR)
+    # Letters and axes are made by the million, and looking for garbage goes through all records.
+    gc.set_threshold(_RARELY * threshold[0], *threshold[1:])
     try:
         _load()
         import matplotlib
@@ -47,6 +52,7 @@ def own_settings() -> Iterator[None]:
                 matplotlib.rcParams.update(ours)
             yield
     finally:
+        gc.set_threshold(*threshold)
         logger.setLevel(level)
 
 
