@@ -42,6 +42,7 @@ def read_a_hostile_file(trial: Trial) -> float:
     results = trial.folder / "results"
     shutil.copytree(undisturbed(trial), results)
     canary = trial.folder / "canary"
+    [run] = results.glob("runs/*/*")
     kinds = list(HOSTILE_FILES)
     if trial.number < len(kinds):
         what = kinds[trial.number]
@@ -49,7 +50,6 @@ def read_a_hostile_file(trial: Trial) -> float:
     else:
         what = mutated(results, trial.rng)
     worst = 0.0
-    run = next(path.parent for path in results.rglob("run.json"))
     pages = ["--html", str(trial.folder / "page.html")]
     for arguments in (
         ["status", str(results)],
