@@ -34,6 +34,8 @@ NAMES = {
     "waterworld": "412388b1",
 }
 """What the runs that were planned under these registrations have in their records."""
+OF_N8 = {"broken-links": "b3176346", "dropout-rate": "3f971ad4"}
+"""On pursuit N = 8, of which nobody had seen a run when `seen_in` said so."""
 
 
 def test_an_order_is_its_neighbours(tmp_path: Path) -> None:
@@ -125,9 +127,10 @@ def test_what_was_seen_in_one_game_leaves_the_name_of_the_other(tmp_path: Path) 
 def test_shipped_registrations_keep_their_names() -> None:
     """Else their runs would be said to have been trained under another one."""
     questions = map(load_definition, list_definitions())
-    names = {each.name: {registered_as(each, game) for game in each.environments}
-             for each in questions}  # fmt: skip
-    assert names == {name: {f"{name}:{known}"} for name, known in NAMES.items()}
+    for each in questions:
+        for game in each.environments:
+            known = {**NAMES, **(OF_N8 if game == "pursuit-n8" else {})}[each.name]
+            assert registered_as(each, game) == f"{each.name}:{known}"
 
 
 @pytest.mark.parametrize(
