@@ -105,6 +105,22 @@ def test_who_asks_for_the_study_gets_all_of_it(trained: Path) -> None:
     ]  # fmt: skip
 
 
+def test_a_study_without_runs_of_its_own_has_those_that_it_names(clone: Path) -> None:
+    """For everybody who asks, drawn as it was published."""
+    question = (clone / "tiny.toml").read_text()
+    (clone / "named.toml").write_text(question)
+    shutil.rmtree(clone / "results" / "runs")
+    assert publish(clone, "named").code == 0
+    study = clone / "results" / "published" / "named-quick"
+    assert not list(study.rglob("run.json"))
+    assert len(json.loads(msgdrop("status", study, "--json").out)) == 4
+    assert len(msgdrop_cli.results(study)["run_id"]) == 4
+    assert msgdrop("diff", study, study.parent / "tiny-quick").code == 0
+    for figure in map(Path, json.loads(msgdrop("plot", study, "--json").out)):
+        published = study / "figures" / figure.name
+        assert figure.suffix in {".pdf", ".svg"} or figure.read_bytes() == published.read_bytes()
+
+
 def test_published_again_it_is_the_same(clone: Path) -> None:
     """With its own runs or without them, and of one seed: nothing that it stands on is lost."""
     _, stands = studies(clone)

@@ -10,7 +10,7 @@ import typer
 from msgdrop_cli.commands.parts import completion, console, options
 from msgdrop_cli.commands.parts.listing import runs_in
 from msgdrop_cli.errors import DefinitionError, nearest
-from msgdrop_cli.records.store import RunRecord, list_runs
+from msgdrop_cli.records.store import RunRecord
 
 if TYPE_CHECKING:
     from msgdrop_cli.analysis.comparison import Comparison, Difference, Differing
@@ -64,7 +64,7 @@ def _side(text: str, root: Path) -> dict["Group", list[RunRecord]]:
     from msgdrop_cli.analysis.summary import Group, once_each
 
     if Path(text).is_dir():
-        found = once_each(list_runs(Path(text)))
+        found = once_each(runs_in(Path(text)))
     else:
         records = once_each(runs_in(root))
         found = [run for run in records if text in (run.run_id, run.variant)]

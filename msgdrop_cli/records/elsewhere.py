@@ -3,6 +3,7 @@
 `elsewhere.json` in a study's folder has one entry for each of them, by the names of its question.
 """
 
+import os
 from collections.abc import Container, Iterable, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path, PurePosixPath
@@ -11,8 +12,8 @@ from msgdrop_cli.definition.spec import NAME
 from msgdrop_cli.definition.strict import Where, convert
 from msgdrop_cli.errors import DefinitionError, RecordError
 from msgdrop_cli.records.files import read_json, remove_file, write_json_atomic
-from msgdrop_cli.records.folders import RUN
-from msgdrop_cli.records.store import RunRecord, list_runs
+from msgdrop_cli.records.folders import RUN, run_folders
+from msgdrop_cli.records.store import Listing, RunRecord, list_runs, look_through
 
 ELSEWHERE = "elsewhere.json"
 """The file in a published folder."""
@@ -64,13 +65,25 @@ def keep_elsewhere(study: Path, records: Sequence[RunRecord]) -> list[Path]:
     return [study / ELSEWHERE]
 
 
+def runs_of(root: Path) -> Listing:
+    """What `look_through` finds, and then the runs of other studies that this one stands on.
+
+    Raises RecordError as it does, but not for a study that has no run of its own.
+    """
+    elsewhere = read_elsewhere(root)
+    if elsewhere and not run_folders(root).runs:
+        return Listing(elsewhere, "")
+    here = look_through(root)
+    return Listing([*here.records, *elsewhere], here.passed_over)
+
+
 def read_elsewhere(study: Path) -> list[RunRecord]:
     """The runs of other studies that a study stands on, by its names.
 
     Raises RecordError (2) for a list that is damaged, and for runs that are not where it says.
     """
     path = study / ELSEWHERE
-    if not path.exists():
+    if not os.path.lexists(path):
         return []
     try:
         entries: Iterable[_Entry] = convert(read_json(path), tuple[_Entry, ...], Where(str(path)))

@@ -7,9 +7,8 @@ from os import PathLike
 from pathlib import Path
 from typing import Any
 
-from msgdrop_cli.records.elsewhere import read_elsewhere
+from msgdrop_cli.records.elsewhere import runs_of
 from msgdrop_cli.records.remembering import remembering
-from msgdrop_cli.records.store import RunRecord, list_runs
 from msgdrop_cli.report.tidy import Columns, curves_table, results_table
 from msgdrop_cli.report.write import home_of
 
@@ -23,7 +22,8 @@ def results(folder: str | PathLike[str] = "results") -> Any:
     all of these episodes. A pandas.DataFrame if pandas is installed, else a dict of lists. Raises
     RecordError: no such folder, no run in it, or a damaged record.
     """
-    return _framed(results_table(remembering(_runs(folder), home_of(Path(folder)))))
+    records = remembering(runs_of(Path(folder)).records, home_of(Path(folder)))
+    return _framed(results_table(records))
 
 
 def curves(folder: str | PathLike[str] = "results") -> Any:
@@ -33,11 +33,7 @@ def curves(folder: str | PathLike[str] = "results") -> Any:
     window's end), then what the log has: metrics of the exploring policy in that window, loss,
     epsilon. Frames and errors as of `results`.
     """
-    return _framed(curves_table(_runs(folder)))
-
-
-def _runs(folder: str | PathLike[str]) -> list[RunRecord]:
-    return [*list_runs(Path(folder)), *read_elsewhere(Path(folder))]
+    return _framed(curves_table(runs_of(Path(folder)).records))
 
 
 def _framed(columns: Columns) -> Any:

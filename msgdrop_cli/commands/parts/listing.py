@@ -3,9 +3,9 @@
 from pathlib import Path
 
 from msgdrop_cli.commands.parts import console
-from msgdrop_cli.records.elsewhere import read_elsewhere
+from msgdrop_cli.records.elsewhere import runs_of
 from msgdrop_cli.records.remembering import remembering
-from msgdrop_cli.records.store import RunRecord, look_through
+from msgdrop_cli.records.store import RunRecord
 from msgdrop_cli.report.write import home_of
 
 
@@ -16,7 +16,7 @@ def runs_in(root: Path) -> list[RunRecord]:
 
     Raises RecordError: no such folder, no run in it, or a damaged record of ours.
     """
-    listing = look_through(root)
+    listing = runs_of(root)
     if listing.passed_over:
         console.note(f"{root}: {listing.passed_over}")
-    return remembering([*listing.records, *read_elsewhere(root)], home_of(root))
+    return remembering(listing.records, home_of(root))
