@@ -181,6 +181,23 @@ def test_a_list_leads_nowhere_else(clone: Path, key: str, value: str, problem: s
     assert problem in said.out
 
 
+@pytest.mark.parametrize("way", ["another name", "a link", "a link inside"])
+def test_what_cannot_be_named_is_copied_or_passed_over(clone: Path, way: str) -> None:
+    """A study that somebody has called otherwise; none is found through links."""
+    has, stands = studies(clone)
+    shutil.rmtree(stands)
+    if way == "another name":
+        has.rename(has.with_name("Of last year"))
+    else:
+        place = has if way == "a link" else has / "pursuit-n6"
+        place.rename(clone / "moved")
+        place.symlink_to(clone / "moved")
+    assert publish(clone, "other").code == 0
+    copied = 6 if way == "another name" else 2
+    assert len(list_runs(stands)) == copied
+    assert not (stands / ELSEWHERE).exists()
+
+
 def test_where_no_study_lies_beside_it_published_runs_are_copied(
     trained: Path, tmp_path: Path
 ) -> None:

@@ -6,7 +6,7 @@
 import os
 from collections.abc import Container, Iterable, Sequence
 from dataclasses import asdict, dataclass
-from pathlib import Path, PurePosixPath
+from pathlib import Path, PurePath, PurePosixPath
 
 from msgdrop_cli.definition.spec import NAME
 from msgdrop_cli.definition.strict import Where, convert
@@ -33,8 +33,7 @@ class _Entry:
     profile: str
 
     def __post_init__(self) -> None:
-        parts = PurePosixPath(self.folder).parts
-        if len(parts) != 3 or not all(map(NAME.fullmatch, parts)):
+        if not _can_be_named(PurePosixPath(self.folder)):
             raise ValueError("folder: expected study/game/run")
         for key in ("variant", "definition", "profile"):
             if not NAME.fullmatch(getattr(self, key)):
@@ -93,18 +92,25 @@ def read_elsewhere(study: Path) -> list[RunRecord]:
 
 
 def runs_beside(study: Path, run_ids: Container[str]) -> dict[str, list[RunRecord]]:
-    """By run id, the published copies in the other studies that lie beside one.
+    """By run id, the published copies in the other studies that lie beside one, and behind no link.
 
     Raises RecordError for a damaged one of these runs.
     """
     found: dict[str, list[RunRecord]] = {}
-    for file in sorted(study.parent.glob(f"*/*/*/{RUN}")):
+    studies = study.resolve().parent
+    for file in sorted(studies.glob(f"*/*/*/{RUN}")):
         folder = file.parent
-        if folder.name.rpartition("-")[2] in run_ids and study not in folder.parents:
+        inside = folder.relative_to(studies)
+        asked = folder.name.rpartition("-")[2] in run_ids and inside.parts[0] != study.name
+        if asked and _can_be_named(inside) and folder.resolve() == folder:
             for record in list_runs(folder):
                 if not record.is_own:
                     found.setdefault(record.run_id, []).append(record)
     return found
+
+
+def _can_be_named(inside: PurePath) -> bool:
+    return len(inside.parts) == 3 and all(map(NAME.fullmatch, inside.parts))
 
 
 def _record(studies: Path, entry: _Entry, path: Path) -> RunRecord:
