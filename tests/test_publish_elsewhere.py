@@ -121,6 +121,14 @@ def test_a_study_without_runs_of_its_own_has_those_that_it_names(clone: Path) ->
         assert figure.suffix in {".pdf", ".svg"} or figure.read_bytes() == published.read_bytes()
 
 
+def test_what_is_played_anew_has_the_names_of_the_study(trained: Path) -> None:
+    """Also of runs that lie in another one, which calls them otherwise."""
+    _, stands = studies(trained)
+    said = msgdrop("eval", stands, "--channel", "none", "--episodes", "9", "--json")
+    assert said.code == 0, said.err
+    assert {row["variant"] for row in json.loads(said.out)["results"]} == {"dcc", "fdc", "mine"}
+
+
 def test_published_again_it_is_the_same(clone: Path) -> None:
     """With its own runs or without them, and of one seed: nothing that it stands on is lost."""
     _, stands = studies(clone)

@@ -17,6 +17,7 @@ from msgdrop_cli.commands.parts.words import several
 from msgdrop_cli.definition.channel import Channel
 from msgdrop_cli.definition.run_id import spec_from_dict
 from msgdrop_cli.errors import DefinitionError, RecordError
+from msgdrop_cli.records.files import write_json_atomic
 from msgdrop_cli.records.outcome import Outcome
 from msgdrop_cli.records.packed import packed_name
 from msgdrop_cli.records.store import EPISODES, METRICS, POLICY, RUN, RunRecord, list_runs
@@ -24,7 +25,7 @@ from msgdrop_cli.scheduler import Task, run_tasks
 from msgdrop_cli.signals import scratch_folder
 from msgdrop_cli.stopping import Stopped, graceful_stop
 
-_COPIED = (RUN, POLICY, METRICS, EPISODES, packed_name(METRICS), packed_name(EPISODES))
+_COPIED = (POLICY, METRICS, EPISODES, packed_name(METRICS), packed_name(EPISODES))
 
 
 class Evaluated(NamedTuple):
@@ -111,7 +112,11 @@ def evaluated(
         if control.signal is not None:
             raise Stopped(control.signal)
     bad = {outcome.run_id: outcome.exit_code for outcome in outcomes if outcome.status != "done"}
-    found = [list_runs(place.path)[0] for place in places if place.run_id not in bad]
+    found = [
+        list_runs(place.path)[0] if place.run_id in missing else place
+        for place in places
+        if place.run_id not in bad
+    ]
     return Evaluated(found, max(worst, *bad.values(), 0))
 
 
@@ -201,10 +206,14 @@ def _note_left_out(runs: int, reason: str) -> None:
 
 
 def _copy(record: RunRecord, keep: ExitStack) -> RunRecord:
-    """The run in a folder of its own, which says as the first one does which study it is of."""
+    """The run in a folder of its own, which says as the first one does which study it is of.
+
+    By the names of the study that is asked, which may be another one.
+    """
     place = record.path.resolve().parts[-3:]
     folder = keep.enter_context(scratch_folder()).joinpath(*place)
     folder.mkdir(parents=True)
+    write_json_atomic(folder / RUN, record.run)
     for name in _COPIED:
         if (record.path / name).is_file():
             shutil.copyfile(record.path / name, folder / name)
