@@ -8,8 +8,11 @@ from typing import Any
 
 import pytest
 
+from msgdrop_cli.errors import RecordError
 from msgdrop_cli.records.listings import listed
+from msgdrop_cli.records.ours import delete_checkpoints
 from msgdrop_cli.records.references import find_references, keep_references
+from msgdrop_cli.records.temporary import remove_leftovers
 from tests.test_references import KNOWN
 
 
@@ -38,6 +41,20 @@ def test_an_interrupted_listing_is_made_again(tmp_path: Path) -> None:
     assert [path.name for path in listed(tmp_path)] == [".tmp-1", "a", "b"]
     assert [path.name for path in listed(tmp_path, ".tmp-*")] == [".tmp-1"]
     assert listed(tmp_path / "missing") == listed(tmp_path / "a") == []
+
+
+def test_a_folder_that_cannot_be_read_is_told_in_a_line(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Also where a run's checkpoints are to be; it is no bug, and not as if nothing were there."""
+
+    def closed(path: Path) -> Any:
+        raise PermissionError(13, "Permission denied", str(path))
+
+    monkeypatch.setattr(os, "scandir", closed)
+    for look in (listed, delete_checkpoints, remove_leftovers):
+        with pytest.raises(RecordError, match="cannot be read: Permission denied"):
+            look(tmp_path)
 
 
 @pytest.mark.usefixtures("_interrupted")

@@ -166,8 +166,8 @@ class Checkpoints:
 
         log_rows: whole rows in the run's log; a checkpoint that needs more of them is of no use.
         What is damaged, or belongs to a future that is lost with it, is removed.
-        Raises RunError for one that is whole but of another version of msgdrop, RecordError (73)
-        if a link stands for one of the folders.
+        Raises RunError for one that is whole but of another version of msgdrop, RecordError if a
+        link stands for one of the folders (73) or one cannot be read (2).
         """
         found = None
         paths = [path for path in listed(self._folder) if STEPS.fullmatch(path.name)]

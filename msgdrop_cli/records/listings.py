@@ -5,13 +5,21 @@ from contextlib import suppress
 from fnmatch import fnmatchcase
 from pathlib import Path
 
+from msgdrop_cli.definition.strict import one_line
+from msgdrop_cli.errors import RecordError
+
 
 def listed(folder: Path, pattern: str = "*") -> list[Path]:
-    """The paths in `folder` whose names match, sorted; none if it is missing. Raises OSError."""
+    """The paths in `folder` whose names match, sorted; none if it is missing.
+
+    Raises RecordError (2) if it cannot be read.
+    """
     try:
         names = [entry.name for entry in scanned(folder)]
     except (FileNotFoundError, NotADirectoryError):
         return []
+    except OSError as error:
+        raise RecordError(one_line(f"{folder}: cannot be read: {error.strerror}")) from error
     return [folder / name for name in sorted(names) if fnmatchcase(name, pattern)]
 
 

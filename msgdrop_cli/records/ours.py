@@ -41,7 +41,8 @@ def refuse_links(root: Path, path: Path) -> None:
 def delete_checkpoints(run_path: Path, keep: Container[Path] = ()) -> None:
     """Deletes the files of a run's checkpoints that are not in `keep`; its lock must be held.
 
-    What cannot be deleted stays. Raises RecordError (73) if a link stands for one of the folders.
+    What cannot be deleted stays. Raises RecordError if a link stands for one of the folders (73),
+    or if one cannot be read (2).
     """
     folder = run_path / CHECKPOINTS
     refuse_links(run_path, folder / REPLAY)
@@ -57,14 +58,15 @@ def delete_checkpoints(run_path: Path, keep: Container[Path] = ()) -> None:
 def delete_leftovers(records: Iterable[RunRecord]) -> None:
     """Deletes what a kill left of finished runs: checkpoints, progress, what was being written.
 
-    A run at which somebody is at work, or that cannot be written to, is left as it is.
+    A run at which somebody is at work, or that cannot be read or written to, stays as it is.
     """
     for record in records:
         names = (CHECKPOINTS, PROGRESS, f"{TEMPORARY}*")
-        if record.status == "done" and any(listed(record.path, name) for name in names):
-            with suppress(RecordError), run_lock(record.path):  # sees to what was being written
-                delete_checkpoints(record.path)
-                _delete(record.path / PROGRESS)
+        with suppress(RecordError):
+            if record.status == "done" and any(listed(record.path, name) for name in names):
+                with run_lock(record.path):  # sees to what was being written
+                    delete_checkpoints(record.path)
+                    _delete(record.path / PROGRESS)
 
 
 def _delete(path: Path) -> None:

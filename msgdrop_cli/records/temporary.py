@@ -58,7 +58,10 @@ def _remove_unless_held(path: str) -> None:
 
 
 def remove_leftovers(run_path: Path) -> None:
-    """Remove what was being written in a run folder; only the lock's holder writes there."""
+    """Remove what was being written in a run folder; only the lock's holder writes there.
+
+    Raises RecordError (2) if it cannot be read.
+    """
     for leftover in listed(run_path, f"{TEMPORARY}*"):
         with suppress(OSError):
             leftover.unlink()
