@@ -10,6 +10,7 @@ import pytest
 
 from msgdrop_cli.records.files import write_bytes_atomic
 from msgdrop_cli.records.temporary import new_file
+from tests.cli_runs import python
 
 
 def test_what_a_killed_process_was_writing_goes_with_the_next_file(tmp_path: Path) -> None:
@@ -61,3 +62,26 @@ def test_a_file_that_was_removed_before_it_was_locked_is_made_again(
     write_bytes_atomic(tmp_path / "file", b"whole")
     assert removed
     assert (tmp_path / "file").read_bytes() == b"whole"
+
+
+@pytest.mark.parametrize("fails", [False, True])
+def test_a_folder_is_never_gone_while_it_is_replaced(tmp_path: Path, fails: bool) -> None:
+    """A signal between the two renames comes after them; if the second one fails, the old stays."""
+    program = (
+        "import os, signal, sys; from pathlib import Path\n"
+        "from msgdrop_cli.records.temporary import put_in_place\n"
+        "from msgdrop_cli.signals import end_at_once, scratch_folder\n"
+        "end_at_once(); rename = Path.rename\n"
+        "def between(path, target):\n"
+        "    rename(path, target)\n"
+        "    os.kill(os.getpid(), signal.SIGTERM)\n"
+        "Path.rename = between\n"
+        "with scratch_folder(Path(sys.argv[1])) as scratch:\n"
+        "    (scratch / 'new').mkdir()\n"
+        "    put_in_place(scratch / sys.argv[2], Path(sys.argv[1], 'target'))\n"
+    )
+    target = tmp_path / "target"
+    target.mkdir()
+    (target / "old").touch()
+    assert python("-c", program, str(tmp_path), "missing" if fails else "new").returncode == 143
+    assert [path.name for path in tmp_path.rglob("*")] == ["target", *(["old"] if fails else [])]

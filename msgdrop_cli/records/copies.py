@@ -1,6 +1,5 @@
 """Finished runs as small copies that can be committed: numbers of all, one policy a variant."""
 
-import os
 import shutil
 from collections.abc import Sequence
 from pathlib import Path
@@ -9,7 +8,7 @@ from msgdrop_cli.errors import RecordError
 from msgdrop_cli.records.files import CANNOT_WRITE, write_json_atomic
 from msgdrop_cli.records.packed import log_bytes, pack, packed_name
 from msgdrop_cli.records.store import EPISODES, METRICS, POLICY, RUN, RunRecord
-from msgdrop_cli.records.temporary import TEMPORARY
+from msgdrop_cli.records.temporary import TEMPORARY, put_in_place
 from msgdrop_cli.signals import scratch_folder
 
 FILES = (RUN, packed_name(METRICS), packed_name(EPISODES), POLICY)
@@ -41,8 +40,6 @@ def copy_run(record: RunRecord, target: Path, *, policy: bool) -> None:
                     (copy / packed_name(log)).write_bytes(pack(content))
             if policy and (record.path / POLICY).exists():
                 shutil.copyfile(record.path / POLICY, copy / POLICY)
-            if os.path.lexists(target):
-                target.rename(scratch / "old")
-            copy.rename(target)
+            put_in_place(copy, target)
     except OSError as error:
         raise RecordError(f"{target}: cannot be written: {error.strerror}", CANNOT_WRITE) from error

@@ -13,6 +13,7 @@ from functools import cache
 from pathlib import Path
 
 from msgdrop_cli.records.listings import listed, scanned
+from msgdrop_cli.signals import held_back
 
 TEMPORARY = ".tmp-"
 """Begins the names of files and folders that are being written."""
@@ -55,6 +56,24 @@ def _remove_unless_held(path: str) -> None:
                 Path(path).unlink()
         finally:
             os.close(handle)
+
+
+def put_in_place(new: Path, target: Path) -> None:
+    """Rename a whole folder to `target`; what was there goes beside `new`, into a scratch folder.
+
+    A signal, which would remove that folder, waits until the new one stands. Raises OSError, with
+    the old one where it was.
+    """
+    old = new.with_name(f"{TEMPORARY}old")
+    with held_back():
+        if os.path.lexists(target):
+            target.rename(old)
+        try:
+            new.rename(target)
+        except OSError:
+            if os.path.lexists(old):
+                old.rename(target)
+            raise
 
 
 def remove_leftovers(run_path: Path) -> None:

@@ -14,7 +14,7 @@ from msgdrop_cli.records.files import (
     write_bytes_atomic,
 )
 from msgdrop_cli.records.store import RUNS
-from msgdrop_cli.records.temporary import TEMPORARY
+from msgdrop_cli.records.temporary import TEMPORARY, put_in_place
 from msgdrop_cli.signals import scratch_folder
 
 FIGURES = "figures"
@@ -78,9 +78,7 @@ def write_folder(folder: Folder, files: Mapping[str, bytes]) -> list[Path]:
             new.mkdir()
             for name, content in files.items():
                 write_bytes_atomic(new / name, content)
-            if os.path.lexists(target):
-                target.rename(scratch / "old")
-            new.rename(target)
+            put_in_place(new, target)
     except OSError as error:
         message = one_line(f"{target}: cannot be written: {error.strerror}")
         raise RecordError(message, CANNOT_WRITE) from error
