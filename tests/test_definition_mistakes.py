@@ -37,6 +37,19 @@ MISTAKEN = {
             "claims.2.environment: 'pursuit' is not in this file",
         ),
     ),
+    "names of its own": (
+        HEAD.replace('6"]', '6", "pursuit-n6"]')
+        + DCC.replace("variants.dcc", 'variants."a b"')
+        + f"{DCC}{QUICK}variants = []\n"
+        + "[registration]\nlooks = [6]\nalpha_spent = [0.05]\nseen_in = { pursuit = 6 }\n",
+        (
+            "environments.pursuit-n6: is listed twice",
+            'variants."a b": a name is 1 to 64 letters',
+            "variants.dcc.label: 'a b' has it, too",
+            "profiles.quick.variants: expected at least one",
+            "registration.seen_in: 'pursuit' is not in this file",
+        ),
+    ),
     "names and settings that there are": (
         HEAD
         + DCC.replace('"dcc"', '"dccc"')

@@ -143,12 +143,13 @@ def _parsed(name: str, file: str, content: bytes, *, shipped: bool) -> Definitio
     for number, claim in enumerate(read.claims, start=1):
         with mistakes:
             claims += _claims(claim, read, where.at("claims").at(str(number)))
+    registered = where.at("registration")
+    if read.registration and (games := tuple(read.registration.seen_in)):
+        with mistakes:
+            _check_known(games, read.environments, registered.at("seen_in"))
     mistakes.tell()
     if read.registration:
-        place = where.at("registration")
-        _check_registration(read.registration, claims, place)
-        if games := tuple(read.registration.seen_in):
-            _check_known(games, read.environments, place.at("seen_in"))
+        _check_registration(read.registration, claims, registered)
     return Definition(
         name=name,
         file=file,
@@ -187,22 +188,22 @@ def _with_traces(read: QuestionFile, where: Where) -> QuestionFile:
 
 def _check(read: QuestionFile, where: Where) -> None:
     """Refuse names that cannot name a folder and restrictions to what is not there."""
+    mistakes = Mistakes()
     for key, names in (
         ("environments", read.environments),
         ("variants", tuple(read.variants)),
         ("profiles", tuple(read.profiles)),
     ):
-        if not names:
-            raise where.at(key).error("expected at least one")
-        _check_names(names, where.at(key))
+        with mistakes:
+            if not names:
+                raise where.at(key).error("expected at least one")
+            _check_names(names, where.at(key))
     labelled: dict[str, str] = {}
     for name, variant in read.variants.items():
         if (other := labelled.setdefault(variant.label, name)) != name:
             place = where.at("variants").at(name).at("label")
-            raise place.error(
-                f"{other!r} has it, too; tables and figures could not tell them apart"
-            )
-    mistakes = Mistakes()
+            problem = f"{other!r} has it, too; tables and figures could not tell them apart"
+            mistakes.add(place.error(problem))
     for name, profile in read.profiles.items():
         place = where.at("profiles").at(name)
         with mistakes:
