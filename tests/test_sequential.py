@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from scipy.stats import permutation_test
 
+from msgdrop_cli.analysis.next_looks import deciding_looks
 from msgdrop_cli.analysis.sequential import decided, flips_of, looks_reached
 from msgdrop_cli.definition.spec import Registration
 
@@ -164,6 +165,23 @@ def test_alpha_that_is_gone_stays_gone(seen: int, spent: float) -> None:
         for signs in product((1.0, -1.0), repeat=8)
     ]
     assert spent - 0.01 < sum(look != [None] for look in when) / 2**8 <= spent
+
+
+@pytest.mark.parametrize(
+    "rule",
+    [
+        RULE,
+        Registration(looks=(6, 10), alpha_spent=(0.02, 0.05)),
+        Registration(looks=(6, 10), alpha_spent=(0.02, 0.05), sides=1),
+        Registration(looks=(3, 6), alpha_spent=(0.02875, 0.06), seen=3),  # 2 / 2^6 is left
+        Registration(looks=(3, 6), alpha_spent=(0.029, 0.06), seen=3),
+    ],
+)
+def test_the_first_look_that_can_decide_does_so_if_all_seeds_agree(rule: Registration) -> None:
+    """Exactly as much alpha as the smallest p is enough, whatever the floats make of it."""
+    values = [1.0] * rule.looks[-1]
+    [when] = decided(flips_of([values], rule), rule)
+    assert deciding_looks(rule)[:1] == ([] if when is None else [rule.looks[when]])
 
 
 def test_claims_with_fewer_seeds_are_judged_where_they_are() -> None:

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from msgdrop_cli.analysis.sign_flips import smallest_p
+from msgdrop_cli.analysis.sign_flips import TOLERANCE, smallest_p
 from msgdrop_cli.analysis.verdict import Verdict
 from msgdrop_cli.definition.spec import Registration
 
@@ -61,5 +61,5 @@ def deciding_looks(rule: Registration) -> list[int]:
 
     They come after what had been seen, and their smallest p is not above the alpha there is.
     """
-    spent = zip(rule.looks, rule.alpha_spent, strict=True)
-    return [n for n, a in spent if n > rule.seen and smallest_p(n, rule.sides) <= a - rule.gone]
+    left = [(n, alpha - rule.gone) for n, alpha in zip(rule.looks, rule.alpha_spent, strict=True)]
+    return [n for n, a in left if n > rule.seen and smallest_p(n, rule.sides) <= a + TOLERANCE]
