@@ -20,7 +20,8 @@ from msgdrop_cli.definition.strict import Where, convert
 from msgdrop_cli.errors import DefinitionError, Mistakes, nearest
 
 _TYPES: Mapping[str, Any] = {
-    **{"int": int, "float": float, "bool": bool, "str": str, "tuple[int, int]": tuple[int, int]},
+    **{each.__name__: each for each in (int, float, bool, str)},
+    "tuple[int, int]": tuple[int, int],
 }
 
 
