@@ -85,8 +85,11 @@ def finished_runs(root: Path) -> list[RunRecord]:
 
 
 def crowd() -> str | None:
-    """Whether others use this machine more than it can bear, in a few words; None if not."""
-    cores, at_work = len(os.sched_getaffinity(0)), os.getloadavg()[0]
+    """Whether others use this machine more than it can bear, in a few words; None if not.
+
+    The load is that of all its cores, of which a batch job may have been given a few.
+    """
+    cores, at_work = os.cpu_count() or 1, os.getloadavg()[0]
     if at_work <= cores:
         return None
     return f"now the load is {at_work:.1f} on {several(cores, 'core')}"
