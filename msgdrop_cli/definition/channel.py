@@ -238,21 +238,16 @@ def check_each_once(channels: Sequence[Channel]) -> None:
         raise ValueError("expected at least one channel, each only once")
 
 
-def check_kind(channel: Channel, kinds: Iterable[str]) -> None:
-    """Refuse (ValueError) a kind that is none of these."""
-    if channel.kind in NAMED:
-        raise ValueError(f"{channel.key}: {channel.kind} takes no settings")
-    if channel.kind not in kinds:
-        known = nearest(channel.kind, [*WORDS, *NAMED, *kinds])
-        raise ValueError(f"no channel is called {channel.kind!r}; {known}")
-
-
 def build_channel(channel: Channel, kinds: Mapping[str, type[Any]]) -> Any:
     """What the channel does: an object of its kind's dataclass, whose fields are the settings.
 
     Raises ValueError: an unknown kind, or settings that it does not take; the caller knows where.
     """
-    check_kind(channel, kinds)
+    if channel.kind in NAMED:
+        raise ValueError(f"{channel.key}: {channel.kind} takes no settings")
+    if channel.kind not in kinds:
+        known = nearest(channel.kind, [*WORDS, *NAMED, *kinds])
+        raise ValueError(f"no channel is called {channel.kind!r}; {known}")
     kind = kinds[channel.kind]
     names = [field.name for field in fields(kind)]
     settings = channel.settings if channel.file is None else (channel.file,)
