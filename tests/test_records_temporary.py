@@ -10,6 +10,7 @@ import pytest
 
 from msgdrop_cli.records.files import write_bytes_atomic
 from msgdrop_cli.records.temporary import new_file
+from msgdrop_cli.signals import scratch_folder
 from tests.cli_runs import python
 
 
@@ -44,6 +45,21 @@ def test_what_somebody_is_writing_and_what_is_not_ours_stays(tmp_path: Path) -> 
     write_bytes_atomic(place / "new", b"")
     os.close(handle)
     assert {path.name for path in place.iterdir()} == before | {"new"}
+
+
+def test_what_another_user_was_writing_stays(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """In a shared folder, whoever might remove it: files and scratch folders."""
+    file, folder = tmp_path / f".tmp-{1:016x}", tmp_path / ".tmp-folder"
+    file.touch()
+    folder.mkdir()
+    os.utime(folder, (0, 0))
+    monkeypatch.setattr(os, "getuid", lambda: file.stat().st_uid + 1)
+    write_bytes_atomic(tmp_path / "new", b"")
+    with scratch_folder(tmp_path, ".tmp-"):
+        assert file.exists()
+        assert folder.exists()
 
 
 def test_a_file_that_was_removed_before_it_was_locked_is_made_again(
