@@ -112,11 +112,8 @@ def evaluated(
         if control.signal is not None:
             raise Stopped(control.signal)
     bad = {outcome.run_id: outcome.exit_code for outcome in outcomes if outcome.status != "done"}
-    found = [
-        list_runs(place.path)[0] if place.run_id in missing else place
-        for place in places
-        if place.run_id not in bad
-    ]
+    whole = [place for place in places if place.run_id not in bad]
+    found = [list_runs(each.path)[0] if each.run_id in missing else each for each in whole]
     return Evaluated(found, max(worst, *bad.values(), 0))
 
 
