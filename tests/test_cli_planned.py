@@ -171,7 +171,7 @@ def test_a_run_at_which_nobody_works_was_killed(tmp_path: Path) -> None:
 
 
 def test_a_study_has_one_place_and_one_name_for_a_figure(store: Store, tmp_path: Path) -> None:
-    """`plot` draws it where `ablate` does, and the same; runs of another question go apart."""
+    """`plot` draws it where `ablate` does, and the same; others, and changed runs, go apart."""
     copy = copied_store(store, tmp_path)
     ablated = [
         Path(line.split()[1]) for line in copy.ablate().out.splitlines() if "figure  " in line
@@ -181,7 +181,12 @@ def test_a_study_has_one_place_and_one_name_for_a_figure(store: Store, tmp_path:
     drawn = [Path(line) for line in msgdrop("plot", copy.results).out.splitlines()]
     assert {*drawn} <= {*ablated}
     assert {path: path.read_bytes() for path in drawn} == {path: before[path] for path in drawn}
-    record = next(copy.results.rglob("run.json"))
-    record.write_text(json.dumps(json.loads(record.read_text()) | {"definition": "other"}))
-    drawn = [Path(line) for line in msgdrop("plot", copy.results).out.splitlines()]
-    assert {path.parent for path in drawn} == {copy.results / "figures"}
+    [first, *others] = copy.results.rglob("run.json")
+    for records, change in (
+        ([first], {"definition": "other"}),
+        ([first, *others], {"definition": "tiny", "overrides": ["algorithm.gamma=0.9"]}),
+    ):
+        for record in records:
+            record.write_text(json.dumps(json.loads(record.read_text()) | change))
+        drawn = [Path(line) for line in msgdrop("plot", copy.results).out.splitlines()]
+        assert {path.parent for path in drawn} == {copy.results / "figures"}
