@@ -11,7 +11,9 @@ from msgdrop_cli.commands.parts.answers import readable_runs
 from msgdrop_cli.records.elsewhere import ELSEWHERE, read_elsewhere
 from msgdrop_cli.records.store import list_runs
 from msgdrop_cli.records.sums import list_sums
+from msgdrop_cli.report import mirrors
 from tests.cli_runs import QUESTION, Said, filled_store, msgdrop
+from tests.test_mirror import Fake
 
 THIRD = """
 [variants.fdc]
@@ -105,7 +107,9 @@ def test_who_asks_for_the_study_gets_all_of_it(trained: Path) -> None:
     ]  # fmt: skip
 
 
-def test_a_study_without_runs_of_its_own_has_those_that_it_names(clone: Path) -> None:
+def test_a_study_without_runs_of_its_own_has_those_that_it_names(
+    clone: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """For everybody who asks, drawn as it was published."""
     question = (clone / "tiny.toml").read_text()
     (clone / "named.toml").write_text(question)
@@ -116,6 +120,8 @@ def test_a_study_without_runs_of_its_own_has_those_that_it_names(clone: Path) ->
     assert len(json.loads(msgdrop("status", study, "--json").out)) == 4
     assert len(msgdrop_cli.results(study)["run_id"]) == 4
     assert msgdrop("diff", study, study.parent / "tiny-quick").code == 0
+    monkeypatch.setitem(mirrors.MIRRORS, "tensorboard", Fake)
+    assert "new row" in msgdrop("mirror", study, "--into", clone / "mirror").out
     for figure in map(Path, json.loads(msgdrop("plot", study, "--json").out)):
         published = study / "figures" / figure.name
         assert figure.suffix in {".pdf", ".svg"} or figure.read_bytes() == published.read_bytes()

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from msgdrop_cli.errors import RecordError
-from msgdrop_cli.records.sums import SUMS, differences, list_sums, listed
+from msgdrop_cli.records.sums import SUMS, differences, list_sums, sums_of
 
 
 def test_the_list_names_every_file_but_itself(tmp_path: Path) -> None:
@@ -21,7 +21,7 @@ def test_the_list_names_every_file_but_itself(tmp_path: Path) -> None:
         "e3b0c44298fc1c149afbf4c8996fb92427ae41e4649b934ca495991b7852b855  a\n"
         "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad  b/x y\n"
     )
-    assert [*listed(tmp_path)] == ["a", "b/x y"]
+    assert [*sums_of(tmp_path)] == ["a", "b/x y"]
     assert [*differences(tmp_path)] == []
 
 

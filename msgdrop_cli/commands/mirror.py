@@ -75,12 +75,12 @@ def mirror(
 
 def _copy(results: Path, copying: "Mirroring", control: "Control", follow: bool) -> int:
     """Copy once, or again and again until a signal comes; returns the number of rows."""
-    from msgdrop_cli.records.store import look_through
+    from msgdrop_cli.records.elsewhere import runs_of
 
     copied = 0
     while True:
         try:
-            records = look_through(results).records
+            records = runs_of(results).records
         except RecordError:
             if not follow:
                 raise

@@ -17,7 +17,7 @@ from msgdrop_cli.records.counted import copies_of, preferred
 from msgdrop_cli.records.elsewhere import keep_elsewhere, read_elsewhere, runs_beside
 from msgdrop_cli.records.files import write_bytes_atomic
 from msgdrop_cli.records.store import ENDED, RUN, RunRecord, list_runs
-from msgdrop_cli.records.sums import list_sums, listed
+from msgdrop_cli.records.sums import list_sums, sums_of
 from msgdrop_cli.report.write import FIGURES, Folder
 
 app = typer.Typer()
@@ -121,7 +121,7 @@ def _remove_stale(folder: Path, drawn: Sequence[Path]) -> None:
     """Remove the figures that were published before and are no longer made of these runs."""
     before: dict[str, str] = {}
     with suppress(RecordError):  # there is no list, or a damaged one, which is written anew
-        before = listed(folder)
+        before = sums_of(folder)
     for path in (folder / FIGURES).glob("*"):
         if path not in drawn and f"{FIGURES}/{path.name}" in before:
             path.unlink()

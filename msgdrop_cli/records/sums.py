@@ -53,7 +53,7 @@ def list_sums(folder: Path) -> Path:
     return folder / SUMS
 
 
-def listed(folder: Path) -> dict[str, str]:
+def sums_of(folder: Path) -> dict[str, str]:
     """Digests by name, as the folder's list says; RecordError (2) if there is none to be read."""
     return dict(read_list(folder / SUMS))
 
@@ -95,7 +95,7 @@ def differences(folder: Path) -> Iterator[Difference]:
     if not os.path.lexists(folder / SUMS):
         yield Difference(folder / SUMS, "file", "the list that msgdrop publish writes", "none")
         return
-    said, found = listed(folder), _files(folder)
+    said, found = sums_of(folder), _files(folder)
     for name in sorted({*said, *found}):
         if name not in found:
             yield Difference(folder / name, "file", "one", "none")

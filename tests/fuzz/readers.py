@@ -33,7 +33,7 @@ from msgdrop_cli.records.packed import packed_name, read_log
 from msgdrop_cli.records.references import read_references
 from msgdrop_cli.records.seals import fingerprint, seal
 from msgdrop_cli.records.store import EPISODES, METRICS, RUN, list_runs
-from msgdrop_cli.records.sums import SUMS, listed
+from msgdrop_cli.records.sums import SUMS, sums_of
 from tests.fake_runs import write_run
 from tests.faults.study import QUESTION
 
@@ -181,7 +181,7 @@ def _table(content: bytes) -> dict[str, Any]:
 
 def _sums(content: bytes, folder: Path) -> None:
     (folder / SUMS).write_bytes(content)
-    listed(folder)
+    sums_of(folder)
 
 
 def _references(content: bytes, folder: Path) -> None:

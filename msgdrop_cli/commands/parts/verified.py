@@ -27,7 +27,7 @@ from msgdrop_cli.records.own_sums import RUN_SUMS, run_differences
 from msgdrop_cli.records.packed import log_file
 from msgdrop_cli.records.references import REFERENCES, find_references, game_key
 from msgdrop_cli.records.store import EPISODES, POLICY, RunRecord, list_runs
-from msgdrop_cli.records.sums import SUMS, Difference, differences, listed
+from msgdrop_cli.records.sums import SUMS, Difference, differences, sums_of
 from msgdrop_cli.report.compare import difference, is_compared
 from msgdrop_cli.report.study import study_of, write_study
 from msgdrop_cli.report.write import TABLES, Folder
@@ -74,7 +74,7 @@ def _study(folder: Path, scratch: Folder, root: Path) -> Verified:
     try:
         changed = [*differences(folder)]
         if lexists(folder / SUMS):
-            looked_at = several(len(listed(folder)), "file")
+            looked_at = several(len(sums_of(folder)), "file")
         if changed:
             return Verified(folder, looked_at, tuple(changed))
         records = [list_runs(each)[0] for each in run_folders(folder).runs]
@@ -181,7 +181,7 @@ def _strangers(folder: Path, records: Sequence[RunRecord], made: set[str]) -> li
     ours |= {folder / REFERENCES / f"{key}.json" for key in games}
     return [
         Difference(folder / name, "file", "none, for no record gives it", "one")
-        for name in listed(folder)
+        for name in sums_of(folder)
         if name not in made and folder / name not in ours
     ]
 
