@@ -1,6 +1,6 @@
 """Runs the fault table: `python -m tests.faults [--row NAME ... [--trial N ...]]`.
 
-FAULTS=0.1 makes a tenth of the trials. Two trials run at a time, each in a process of its own.
+FAULTS=0.1 makes a tenth of the trials. Some run at a time, each in a process of its own.
 """
 
 import argparse
@@ -20,8 +20,6 @@ from typing import NamedTuple
 from tests.faults.row import Broken, NotHere, Row, Trial
 from tests.faults.study import make_bench, warm_up
 from tests.faults.table import ROWS
-
-AT_A_TIME = 2
 
 
 @dataclass(slots=True)
@@ -105,7 +103,7 @@ def _told(row: Row, numbers: Sequence[int], bench: Path, folder: Path) -> Iterat
     """What each trial tells, as they end; some are at work at a time."""
     waiting, at_work = list(numbers), dict[int, int]()
     while waiting or at_work:
-        while waiting and len(at_work) < AT_A_TIME:
+        while waiting and len(at_work) < row.at_a_time:
             number = waiting.pop(0)
             at_work[_begin(row, number, bench, folder)] = number
         pid, status = os.wait()

@@ -40,6 +40,8 @@ class Row:
     """Raises Broken; returns what took how long (s), where the promise names a time."""
     each: int = 1
     """Cases in one trial, where they are cheap."""
+    at_a_time: int = 2
+    """Trials; more where they wait most of their time."""
 
 
 def expect(fact: object, words: str) -> None:

@@ -181,6 +181,7 @@ ROWS = (
         trials=80,
         share=1,
         trial=clusters.lose_a_part,
+        at_a_time=6,
     ),
     Row(
         name="verify",
