@@ -4,7 +4,6 @@ Whatever goes wrong is one line on stderr and an exit code (docs/exit-codes.md);
 shown only if MSGDROP_TRACEBACK=1 asks for it.
 """
 
-import errno
 import os
 import re
 import shlex
@@ -21,7 +20,7 @@ from typer.core import TyperGroup
 from msgdrop_cli import __version__
 from msgdrop_cli.commands.parts import console
 from msgdrop_cli.definition.strict import one_line
-from msgdrop_cli.errors import DefinitionErrors, MsgdropError
+from msgdrop_cli.errors import DISK_FAULTS, DefinitionErrors, MsgdropError
 from msgdrop_cli.stopping import Stopped
 
 _MOST_TOLD = 20
@@ -144,7 +143,7 @@ def _unexpected(error: Exception) -> int:
         return _failed(f"{said} (see {path} --help)", _USAGE)
     if os.environ.get("MSGDROP_TRACEBACK") == "1":
         console.note(traceback.format_exc().rstrip())
-    if isinstance(error, OSError) and error.errno in (errno.ENOSPC, errno.EDQUOT, errno.EIO):
+    if isinstance(error, OSError) and error.errno in DISK_FAULTS:
         return _failed(f"{error.filename or 'disk'}: {error.strerror}", _MACHINE)
     what = f"{type(error).__name__}: {error}"
     if lack := _lack_of_memory(error):

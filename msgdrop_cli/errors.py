@@ -1,7 +1,11 @@
 """The program's own errors: one line for the user each, and the exit code that goes with it."""
 
 import difflib
+import errno
 from collections.abc import Iterable, Sequence
+
+DISK_FAULTS = (errno.EIO, errno.ENOSPC, errno.EDQUOT)
+"""Faults of the machine (74), whatever was tried: reading, too."""
 
 
 class MsgdropError(Exception):
@@ -62,7 +66,7 @@ class RunError(MsgdropError):
 
 
 class RecordError(MsgdropError):
-    """The results store cannot be read (2), created (73), written (74), or is in use (75)."""
+    """The results store is damaged (2), cannot be created (73), fails (74), or is in use (75)."""
 
     def __init__(self, message: str, exit_code: int = 2) -> None:
         super().__init__(message)

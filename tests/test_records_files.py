@@ -5,6 +5,7 @@ import json
 import os
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -12,12 +13,15 @@ import pytest
 
 from msgdrop_cli.errors import RecordError
 from msgdrop_cli.records.files import (
+    Epoch,
     append_jsonl,
     cut_jsonl,
+    read_bytes,
     read_json,
     run_lock,
     write_json_atomic,
 )
+from msgdrop_cli.records.listings import listed
 from msgdrop_cli.records.packed import read_log
 
 
@@ -186,3 +190,24 @@ def test_a_folder_that_cannot_be_made_is_73(tmp_path: Path) -> None:
     ):
         pass
     assert caught.value.exit_code == 73
+
+
+@pytest.mark.parametrize("look", ["file", "folder", "epoch"])
+def test_a_disk_that_fails_is_a_fault_of_the_machine(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, look: str
+) -> None:
+    """74, whatever was tried: neither damage, nor another process at work."""
+
+    def fail(*_: object) -> int:
+        raise OSError(errno.EIO, os.strerror(errno.EIO))
+
+    tries: dict[str, Callable[[Epoch], object]] = {
+        "file": lambda _: read_bytes(tmp_path / "lock"),
+        "folder": lambda _: listed(tmp_path),
+        "epoch": lambda epoch: epoch.check(),
+    }
+    with run_lock(tmp_path) as epoch, monkeypatch.context() as patched:
+        patched.setattr(os, "scandir" if look == "folder" else "open", fail)
+        with pytest.raises(RecordError, match="cannot be read: Input/output error") as caught:
+            tries[look](epoch)
+    assert caught.value.exit_code == 74

@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from msgdrop_cli.definition.strict import one_line
-from msgdrop_cli.errors import RecordError
+from msgdrop_cli.errors import DISK_FAULTS, RecordError
 from msgdrop_cli.records.parsing import TABLE, Bounds, parse_json
 from msgdrop_cli.records.temporary import new_file, remove_leftovers
 
@@ -27,7 +27,6 @@ LARGEST_FILE = 32 * 2**20
 LOCK = "lock"
 """The file of a run folder that whoever writes there holds; the name of its epoch stands in it."""
 _LONGEST_EPOCH = 64
-_DISK_FAULTS = (errno.EIO, errno.ENOSPC, errno.EDQUOT)
 _NO_LOCKS = (errno.ENOLCK, errno.ENOSYS, errno.ENOTSUP, errno.EOPNOTSUPP, errno.EINVAL)
 
 
@@ -174,10 +173,12 @@ class Epoch:
     name: str
 
     def check(self) -> None:
-        """Raises RecordError (75) if another process has begun to write there."""
+        """Raises RecordError: another process has begun to write there (75); a bad disk (74)."""
         try:
             current = read_bytes(self.path / LOCK, _LONGEST_EPOCH)
-        except RecordError:
+        except RecordError as error:
+            if error.exit_code == CANNOT_WRITE:
+                raise
             current = b""
         if current != self.name.encode():
             problem = "another process has taken it over; nothing more is written by this one"
@@ -255,7 +256,7 @@ def sync_folder(path: Path) -> None:
     try:
         handle = os.open(path, os.O_RDONLY | os.O_DIRECTORY)
     except OSError as error:
-        if error.errno in _DISK_FAULTS:
+        if error.errno in DISK_FAULTS:
             raise
         return
     try:
@@ -269,7 +270,7 @@ def _sync(handle: int) -> None:
     try:
         os.fsync(handle)
     except OSError as error:
-        if error.errno in _DISK_FAULTS:
+        if error.errno in DISK_FAULTS:
             raise
 
 
@@ -284,7 +285,11 @@ def _opened(path: Path, flags: int) -> int:
 
 
 def _failed(what: str, path: Path, error: Exception, exit_code: int) -> RecordError:
-    reason = error.strerror if isinstance(error, OSError) else None
+    """The error in words; whatever was tried, a disk that fails is 74."""
+    reason = None
+    if isinstance(error, OSError):
+        reason = error.strerror
+        exit_code = CANNOT_WRITE if error.errno in DISK_FAULTS else exit_code
     return RecordError(_message(path, f"{what}: {reason or error}"), exit_code)
 
 

@@ -6,20 +6,21 @@ from fnmatch import fnmatchcase
 from pathlib import Path
 
 from msgdrop_cli.definition.strict import one_line
-from msgdrop_cli.errors import RecordError
+from msgdrop_cli.errors import DISK_FAULTS, RecordError
 
 
 def listed(folder: Path, pattern: str = "*") -> list[Path]:
     """The paths in `folder` whose names match, sorted; none if it is missing.
 
-    Raises RecordError (2) if it cannot be read.
+    Raises RecordError if it cannot be read (2), or the disk fails (74).
     """
     try:
         names = [entry.name for entry in scanned(folder)]
     except (FileNotFoundError, NotADirectoryError):
         return []
     except OSError as error:
-        raise RecordError(one_line(f"{folder}: cannot be read: {error.strerror}")) from error
+        code = 74 if error.errno in DISK_FAULTS else 2
+        raise RecordError(one_line(f"{folder}: cannot be read: {error.strerror}"), code) from error
     return [folder / name for name in sorted(names) if fnmatchcase(name, pattern)]
 
 

@@ -13,7 +13,7 @@ from msgdrop_cli.commands.parts import sources, vocabulary
 from msgdrop_cli.commands.parts.vocabulary import Section
 from msgdrop_cli.definition.catalogue import Catalogue, NamedAlgorithm, PaperSizes
 from msgdrop_cli.definition.overrides import parse_override
-from msgdrop_cli.definition.paper import paper_sizes, sizes_of
+from msgdrop_cli.definition.paper import paper_sizes, sizes_in, sizes_of
 from msgdrop_cli.definition.plan import plan
 from msgdrop_cli.definition.spec import Claim, Definition, is_factory
 from msgdrop_cli.definition.strict import Where, convert
@@ -89,6 +89,9 @@ def told() -> Catalogue | None:
         own = sources.tables(tree.body, "SIZES").items()
         by_both = {game: {each.module: tables} for game, tables in own}
         sizes |= sizes_of(by_both, Where(f"{each.module}.py").at("SIZES"), environments, configs)
+    for game in games:
+        for file, text in sources.texts(game.package, "sizes.toml").items():
+            sizes |= sizes_in(text.encode(), Where(str(file)), environments, configs)
     algorithms = {
         named.name: NamedAlgorithm(
             learner=each.module,
