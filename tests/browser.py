@@ -5,6 +5,7 @@ import json
 import os
 import select
 import shutil
+import signal
 import subprocess
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -105,7 +106,8 @@ def browser() -> Iterator[Browser]:
     """A browser of its own, gone afterwards."""
     asks_read, asks_write = os.pipe()
     answers_read, answers_write = os.pipe()
-    with TemporaryDirectory() as profile:
+    # Its helpers write there for a moment longer than it lives.
+    with TemporaryDirectory(ignore_cleanup_errors=True) as profile:
         # It reads commands from descriptor 3 and answers on 4, whatever the pipes' numbers are.
         line = f'exec "$0" "$@" 3<&{asks_read} 4>&{answers_write}'
         process = subprocess.Popen(
@@ -113,6 +115,7 @@ def browser() -> Iterator[Browser]:
             pass_fds=(asks_read, answers_write),
             stdout=subprocess.DEVNULL,
             stderr=subprocess.DEVNULL,
+            start_new_session=True,
         )
         os.close(asks_read)
         os.close(answers_write)
@@ -121,5 +124,5 @@ def browser() -> Iterator[Browser]:
         finally:
             os.close(asks_write)
             os.close(answers_read)
-            process.kill()
+            os.killpg(process.pid, signal.SIGKILL)
             process.wait()
