@@ -5,7 +5,7 @@ import errno
 from collections.abc import Iterable, Sequence
 
 DISK_FAULTS = (errno.EIO, errno.ENOSPC, errno.EDQUOT)
-"""Faults of the machine (74), whatever was tried: reading, too."""
+"""Faults of the machine."""
 
 
 class MsgdropError(Exception):
@@ -71,6 +71,11 @@ class RecordError(MsgdropError):
     def __init__(self, message: str, exit_code: int = 2) -> None:
         super().__init__(message)
         self.exit_code = exit_code
+
+
+def code_of(fault: Exception, otherwise: int) -> int:
+    """The exit code of a fault: 74 if the disk fails, whatever was tried, reading too."""
+    return 74 if getattr(fault, "errno", None) in DISK_FAULTS else otherwise
 
 
 def to_install(extra: str) -> str:

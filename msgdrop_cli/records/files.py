@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from msgdrop_cli.definition.strict import one_line
-from msgdrop_cli.errors import DISK_FAULTS, RecordError
+from msgdrop_cli.errors import DISK_FAULTS, RecordError, code_of
 from msgdrop_cli.records.parsing import TABLE, Bounds, parse_json
 from msgdrop_cli.records.temporary import new_file, remove_leftovers
 
@@ -285,12 +285,8 @@ def _opened(path: Path, flags: int) -> int:
 
 
 def _failed(what: str, path: Path, error: Exception, exit_code: int) -> RecordError:
-    """The error in words; whatever was tried, a disk that fails is 74."""
-    reason = None
-    if isinstance(error, OSError):
-        reason = error.strerror
-        exit_code = CANNOT_WRITE if error.errno in DISK_FAULTS else exit_code
-    return RecordError(_message(path, f"{what}: {reason or error}"), exit_code)
+    reason = error.strerror if isinstance(error, OSError) else None
+    return RecordError(_message(path, f"{what}: {reason or error}"), code_of(error, exit_code))
 
 
 def _message(path: Path, problem: str) -> str:

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 from msgdrop_cli.definition.spec import NAME
 from msgdrop_cli.definition.strict import one_line
-from msgdrop_cli.errors import DISK_FAULTS, RecordError
+from msgdrop_cli.errors import RecordError, code_of
 from msgdrop_cli.records.files import read_json
 from msgdrop_cli.records.listings import scanned
 from msgdrop_cli.records.parsing import RECORD
@@ -75,8 +75,7 @@ def run_folders(root: Path) -> Found:
             if folder == root:
                 missing = isinstance(error, FileNotFoundError)
                 problem = _NO_FOLDER if missing else f"cannot be read: {reason}"
-                code = 74 if getattr(error, "errno", None) in DISK_FAULTS else 2
-                raise RecordError(one_line(f"{root}: {problem}"), code) from error
+                raise RecordError(one_line(f"{root}: {problem}"), code_of(error, 2)) from error
             if not isinstance(error, FileNotFoundError):  # it may go while we look
                 passed_over.append(f"{place} ({reason})")
             continue

@@ -6,7 +6,7 @@ from fnmatch import fnmatchcase
 from pathlib import Path
 
 from msgdrop_cli.definition.strict import one_line
-from msgdrop_cli.errors import DISK_FAULTS, RecordError
+from msgdrop_cli.errors import RecordError, code_of
 
 
 def listed(folder: Path, pattern: str = "*") -> list[Path]:
@@ -19,8 +19,8 @@ def listed(folder: Path, pattern: str = "*") -> list[Path]:
     except (FileNotFoundError, NotADirectoryError):
         return []
     except OSError as error:
-        code = 74 if error.errno in DISK_FAULTS else 2
-        raise RecordError(one_line(f"{folder}: cannot be read: {error.strerror}"), code) from error
+        message = one_line(f"{folder}: cannot be read: {error.strerror}")
+        raise RecordError(message, code_of(error, 2)) from error
     return [folder / name for name in sorted(names) if fnmatchcase(name, pattern)]
 
 
