@@ -46,9 +46,9 @@ _LOOK_UP_EVERY_S = 0.5
 _AT_LEAST_EVERY_S = 60.0
 """On a CPU, so that a kill costs a minute, whatever the interval in env steps; on a GPU a cohort's
 replay memory is gigabytes."""
-_QUICK_S, _PUT_OFF = 0.15, 50
-"""A checkpoint that takes longer is 2% of the time until the next one, at most; a quicker one is no
-more than that of the shortest default interval, 7 s (benchmarks/NOTES.md)."""
+_QUICK_S, _PUT_OFF = 0.15, 60
+"""A checkpoint that takes longer is a sixtieth of the time until the next one, at most; a quicker
+one is 2% of the shortest default interval, 7 s (benchmarks/NOTES.md)."""
 
 
 @arithmetic.settled()
