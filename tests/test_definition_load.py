@@ -119,6 +119,9 @@ def test_lists_in_a_claim_are_every_combination(tmp_path: Path) -> None:
          "0 to 1 (0.3 or 30%) or kind:settings, not 1.5"),
         ("seeds = 2", "seeds = 2\nevaluation_episodes = 0", "profiles.quick: evaluation_episodes "
          "must be at least 1, not 0"),
+        ("seeds = 2", "seeds = 5000", "profiles.quick.seeds: expected 1 to 1000 seeds, not 5000"),
+        ("seeds = 2", "seeds = [1, 1]", "profiles.quick.seeds: expected 1 to 1000 seeds, all "
+         "different"),
     ],
 )  # fmt: skip
 def test_a_mistake_is_one_clear_line(tmp_path: Path, old: str, new: str, message: str) -> None:

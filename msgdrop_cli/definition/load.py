@@ -14,6 +14,7 @@ from typing import Literal
 
 from msgdrop_cli.definition.channel import NONE_BROKEN, Channel, check_each_once
 from msgdrop_cli.definition.figures import all_figures, part_of
+from msgdrop_cli.definition.seeds import checked_seeds
 from msgdrop_cli.definition.shipped import shipped_questions
 from msgdrop_cli.definition.spec import (
     MOST_IN_FAMILY,
@@ -210,6 +211,8 @@ def _check(read: QuestionFile, where: Where) -> None:
             _check_known(profile.environments, read.environments, place.at("environments"))
         with mistakes:
             _check_known(profile.variants, read.variants, place.at("variants"))
+        with mistakes:
+            checked_seeds(profile.seeds, place.at("seeds"))
     mistakes.tell()
 
 
