@@ -107,6 +107,40 @@ def test_who_asks_for_the_study_gets_all_of_it(trained: Path) -> None:
     ]  # fmt: skip
 
 
+@pytest.mark.parametrize("inside", [".", "published"])
+def test_who_asks_for_all_studies_gets_each_whole(trained: Path, inside: str) -> None:
+    """By the names of each, as with copies; in a table each run of one name is a row, once."""
+    root = trained / "results" / inside
+    listed = json.loads(msgdrop("status", root, "--json").out)
+    table = msgdrop_cli.results(root)
+    named = [("other", "dcc"), ("other", "fdc"), ("other", "mine")]
+    assert {(run["definition"], run["variant"]) for run in listed} >= {*named}
+    assert {*zip(table["question"], table["variant"], strict=True)} == {
+        ("tiny", "dcc"), ("tiny", "md-0.2"), ("other", "fdc"), ("other", "mine"),
+    }  # fmt: skip
+    assert len({run["run_id"] for run in listed}) == 6
+    assert len(readable_runs(root)[0]) == len(listed)
+
+
+def test_own_runs_that_were_published_are_named(clone: Path) -> None:
+    """Their owner has them in hand still, and they need not lie there twice."""
+    has, stands = studies(clone)
+    shutil.rmtree(stands)
+    for run in list_runs(has):
+        own = clone / "results" / "runs" / "pursuit-n6" / run.path.name
+        shutil.copytree(run.path, own)
+    assert publish(clone, "other").code == 0
+    assert {run.variant for run in list_runs(stands)} == {"fdc"}
+    changed = next((clone / "results" / "runs").rglob("dcc-s1-*")) / "episodes.jsonl.gz"
+    other = next(has.rglob("dcc-s2-*")) / "episodes.jsonl.gz"
+    shutil.rmtree(stands)
+    changed.write_bytes(other.read_bytes())
+    assert publish(clone, "other").code == 0
+    assert {(run.variant, run.seed) for run in list_runs(stands)} == {
+        ("dcc", 1), ("fdc", 1), ("fdc", 2),
+    }  # fmt: skip
+
+
 def test_a_study_without_runs_of_its_own_has_those_that_it_names(
     clone: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -173,6 +207,20 @@ def test_what_diverged_here_is_not_made_good_by_what_is_published(clone: Path) -
     assert publish(clone, "other").code == 0
     assert ("dcc", 1) not in {(run.variant, run.seed) for run in read_elsewhere(stands)}
     assert ("dcc", 1) not in {(run.variant, run.seed) for run in list_runs(stands)}
+
+
+def test_what_diverged_here_and_is_published_is_told(clone: Path) -> None:
+    """One of the two is wrong, and which one is for somebody to find out."""
+    has, _ = studies(clone)
+    published = next(has.rglob("dcc-s1-*"))
+    own = clone / "results" / "runs" / "pursuit-n6" / published.name
+    shutil.copytree(published, own)
+    record = json.loads((own / "run.json").read_text()) | {"status": "diverged"}
+    (own / "run.json").write_text(json.dumps(record))
+    said = publish(clone, "tiny")
+    assert said.code == 2
+    assert "diverged, and " in said.err
+    assert "it is published as done: remove the copy that is wrong" in said.err
 
 
 @pytest.mark.parametrize(

@@ -16,7 +16,8 @@ from msgdrop_cli.errors import DefinitionError, RecordError
 from msgdrop_cli.records.counted import copies_of, preferred
 from msgdrop_cli.records.elsewhere import keep_elsewhere, read_elsewhere, runs_beside
 from msgdrop_cli.records.files import write_bytes_atomic
-from msgdrop_cli.records.store import ENDED, RUN, RunRecord, list_runs
+from msgdrop_cli.records.packed import log_bytes
+from msgdrop_cli.records.store import ENDED, EPISODES, METRICS, RUN, RunRecord, list_runs
 from msgdrop_cli.records.sums import list_sums, sums_of
 from msgdrop_cli.report.write import FIGURES, Folder
 
@@ -98,16 +99,34 @@ def _runs(asked: Plan, results: Path, study: Path) -> _Runs:
     here: dict[str, RunRecord] = {}
     for run in asked.runs:
         [*best] = preferred(copies.get(run.run_id, ()))[:1]
-        if not best or not best[0].is_own or best[0].status not in ENDED:
-            if run.run_id in kept:
-                continue
-            if lies := preferred(beside.get(run.run_id, ())):
-                named[run.run_id] = as_planned(lies[0], run)
-                continue
-        if best and best[0].status == "done":
+        own = best[0] if best and best[0].is_own and best[0].status in ENDED else None
+        if run.run_id in kept:
+            if own:
+                here[run.run_id] = as_planned(_in_place_of(kept[run.run_id], own), run)
+        elif lies := [each for each in preferred(beside.get(run.run_id, ())) if _alike(each, own)]:
+            named[run.run_id] = as_planned(lies[0], run)
+        elif best and best[0].status == "done":
             here[run.run_id] = as_planned(best[0], run)
     here |= {run_id: record for run_id, record in kept.items() if run_id not in here}
     return _Runs([*here.values()], [each for run_id, each in named.items() if run_id not in here])
+
+
+def _alike(published: RunRecord, own: RunRecord | None) -> bool:
+    """Whether the published copy can stand for an own one: it was made of it, or there is none."""
+    if own is None:
+        return True
+    logs = (METRICS, EPISODES)
+    return published.status == own.status and all(
+        log_bytes(published.path / log) == log_bytes(own.path / log) for log in logs
+    )
+
+
+def _in_place_of(published: RunRecord, own: RunRecord) -> RunRecord:
+    """The own copy; RecordError if it diverged, which one of the two has to be wrong about."""
+    if own.status != "done":
+        problem = f"it is published as {published.status}: remove the copy that is wrong"
+        raise RecordError(f"{own.path}: {own.status}, and {published.path}: {problem}")
+    return own
 
 
 def _keep_question(definition: Definition, folder: Path) -> None:

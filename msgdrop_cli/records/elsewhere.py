@@ -11,8 +11,10 @@ from pathlib import Path, PurePath, PurePosixPath
 from msgdrop_cli.definition.spec import NAME
 from msgdrop_cli.definition.strict import Where, convert
 from msgdrop_cli.errors import DefinitionError, RecordError
+from msgdrop_cli.records.counted import PUBLISHED
 from msgdrop_cli.records.files import read_json, remove_file, write_json_atomic
 from msgdrop_cli.records.folders import RUN, run_folders
+from msgdrop_cli.records.listings import listed
 from msgdrop_cli.records.store import Listing, RunRecord, list_runs, look_through
 
 ELSEWHERE = "elsewhere.json"
@@ -65,15 +67,26 @@ def keep_elsewhere(study: Path, records: Sequence[RunRecord]) -> list[Path]:
 
 
 def runs_of(root: Path) -> Listing:
-    """What `look_through` finds, and then the runs of other studies that this one stands on.
+    """What `look_through` finds, and then what each study there names, once more by its names.
 
     Raises RecordError as it does, but not for a study that has no run of its own.
     """
-    elsewhere = read_elsewhere(root)
+    elsewhere = [record for study in studies_in(root) for record in read_elsewhere(study)]
     if elsewhere and not run_folders(root).runs:
         return Listing(elsewhere, "")
     here = look_through(root)
     return Listing([*here.records, *elsewhere], here.passed_over)
+
+
+def studies_in(root: Path) -> list[Path]:
+    """The folders that name runs: one study, or those that a results folder holds; by no link.
+
+    Raises RecordError if `root` cannot be read.
+    """
+    published = root / PUBLISHED
+    inside = [*listed(root), *([] if published.is_symlink() else listed(published))]
+    studies = [root, *(folder for folder in inside if not folder.is_symlink())]
+    return [folder for folder in studies if os.path.lexists(folder / ELSEWHERE)]
 
 
 def read_elsewhere(study: Path) -> list[RunRecord]:

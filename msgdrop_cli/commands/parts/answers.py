@@ -23,7 +23,7 @@ from msgdrop_cli.definition.run_id import run_ids
 from msgdrop_cli.definition.spec import Definition, PlannedRun
 from msgdrop_cli.errors import RecordError
 from msgdrop_cli.records.counted import by_run_id, preferred
-from msgdrop_cli.records.elsewhere import read_elsewhere
+from msgdrop_cli.records.elsewhere import read_elsewhere, studies_in
 from msgdrop_cli.records.folders import run_folders
 from msgdrop_cli.records.remembering import remembering
 from msgdrop_cli.records.store import RunRecord, list_runs
@@ -66,15 +66,16 @@ class Answers:
 
 
 def readable_runs(root: Path) -> tuple[list[RunRecord], list[Unreadable]]:
-    """Every run in or below a folder, and of a study those that lie in another one.
+    """Every run in or below a folder, and those that a study in it names in another one.
 
     A damaged record is no reason to show none.
 
     Raises RecordError for a folder that is not there or cannot be read.
     """
     records, unreadable = [], []
-    ways = [(folder, list_runs) for folder in run_folders(root).runs]
-    for folder, read in (*ways, (root, read_elsewhere)):
+    own = [(folder, list_runs) for folder in run_folders(root).runs]
+    named = [(study, read_elsewhere) for study in studies_in(root)]
+    for folder, read in (*own, *named):
         try:
             records += read(folder)
         except RecordError as error:

@@ -10,7 +10,7 @@ from msgdrop_cli.report.write import home_of
 
 
 def runs_in(root: Path) -> list[RunRecord]:
-    """Every run in or below a folder, and of a study those that lie in another one.
+    """Every run in or below a folder, and those that a study in it names in another one.
 
     What was passed over is told in one note.
 
