@@ -7,6 +7,7 @@ from benchmarks.readme.rates import STUDY as RATES
 from benchmarks.readme.studies import (
     ALL,
     HALF,
+    SIX,
     Study,
     expect,
     listing,
@@ -23,7 +24,7 @@ _LISTENERS = ("md-0.2", "md-0.5")
 
 def broken() -> str:
     """Links that break after training, and what of that is decided."""
-    found = study(BROKEN)
+    found = study(BROKEN, SIX)
     lines = []
     for channel in (HALF, ALL):
         about = [each for each in found.verdicts if each.claim.channel == channel]
@@ -88,7 +89,7 @@ def elements() -> str:
 
 def paper_broken() -> str:
     """How many of the claims about broken links are supported, for a cell of PAPER.md."""
-    found = study(BROKEN)
+    found = study(BROKEN, SIX)
     agree = all((each.difference or 0.0) > 0.0 for each in found.verdicts)
     expect(agree, "that all claims about broken links go the paper's way")
     seeds = number(len(found.arm("dcc").done))
@@ -133,7 +134,7 @@ def within() -> str:
     """The standard error that a seed's own episodes leave."""
     rows = [
         row
-        for arm in study(BROKEN).summary.arms
+        for arm in study(BROKEN, SIX).summary.arms
         for row in arm.rows
         if row.metric == arm.metrics.headline.name and row.within is not None
     ]

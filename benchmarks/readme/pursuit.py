@@ -8,6 +8,7 @@ from benchmarks.readme.studies import (
     ALL,
     HALF,
     NONE,
+    SIX,
     difference,
     expect,
     number,
@@ -33,7 +34,7 @@ _LAST = 200_000
 
 def seeds() -> str:
     """Under the figure on top."""
-    count = len(study(_BROKEN).arm("dcc").done)
+    count = len(study(_BROKEN, SIX).arm("dcc").done)
     return paragraph(
         f"""*Evader catches in 500 env steps on pursuit N = 6 when links break after training,
         {number(count)} seeds; the records behind every dot are in
@@ -43,13 +44,13 @@ def seeds() -> str:
 
 def scale() -> str:
     """What the numbers of the table are."""
-    arm = study(_BROKEN).arm("dcc")
+    arm = study(_BROKEN, SIX).arm("dcc")
     anneal = arm.setup["algorithm"]["epsilon_anneal_env_steps"]
     return paragraph(
         f"""Pursuit N = 6, {arm.group.train_env_steps:,} env steps a run, epsilon annealed over
         {anneal:,}, {number(len(arm.done))} seeds; catches per 500 env steps of the greedy policies,
         mean of the seeds [95% interval by inverted sign-flips],
-        {study(_BROKEN).episodes("dcc"):,} episodes each."""
+        {study(_BROKEN, SIX).episodes("dcc"):,} episodes each."""
     )
 
 
@@ -57,12 +58,12 @@ def catches() -> str:
     """Catches of every variant with none, half and all of the links broken."""
     rows = []
     for variant, label in LABELS.items():
-        found = study(_BLOCKWISE if variant == "sd-0.2" else _BROKEN)
+        found = study(_BLOCKWISE if variant == "sd-0.2" else _BROKEN, SIX)
         first, *others = (found.after(variant, channel) for channel in (NONE, HALF, ALL))
         cells = (f"{each.mean:.1f}" if each == first else each.text(1) for each in others)
         rows.append((label + _REMARKS.get(variant, ""), first.text(1), *cells))
-    known = {name: f"{study(_BROKEN).reference(name):.1f}" for name in ("random", "nothing")}
-    scripted = f"{study(_BROKEN).reference('scripted'):.1f}"
+    known = {name: f"{study(_BROKEN, SIX).reference(name):.1f}" for name in ("random", "nothing")}
+    scripted = f"{study(_BROKEN, SIX).reference('scripted'):.1f}"
     nothing = ", ".join(dict.fromkeys(known.values()))
     return table(
         ("variant", "none of the links broken", "half", "all"),
@@ -76,7 +77,7 @@ def catches() -> str:
 
 def claims() -> str:
     """What the paper says of broken links, and of elements."""
-    found, blockwise = study(_BROKEN), study(_BLOCKWISE)
+    found, blockwise = study(_BROKEN, SIX), study(_BLOCKWISE)
     verdicts = [each for each in found.verdicts if each.claim.channel != NONE]
     supported = {
         (v.claim.channel, v.claim.better, v.claim.worse)
@@ -113,7 +114,7 @@ def claims() -> str:
 
 def training() -> str:
     """Where the exploring policies end, and where FDC is overtaken."""
-    found = study(_BROKEN)
+    found = study(_BROKEN, SIX)
     steps = found.arm("fdc").group.train_env_steps
     fdc, dcc, fifth, half = (
         f"{mean([*found.windows(each, steps - _LAST, steps).values()]):.1f}"
@@ -134,7 +135,7 @@ def training() -> str:
 def _overtaken(variant: str) -> int:
     """The env step from which on this variant's mean curve stays above FDC's."""
     ours, theirs = (
-        learning_curve(study(_BROKEN).arm(each).done, "catches_per_500")
+        learning_curve(study(_BROKEN, SIX).arm(each).done, "catches_per_500")
         for each in (variant, "fdc")
     )
     if ours is None or theirs is None:

@@ -17,10 +17,11 @@ from msgdrop_cli.definition.channel import NONE_BROKEN, Channel
 from msgdrop_cli.definition.judged import judged_at
 from msgdrop_cli.definition.load import load_definition
 from msgdrop_cli.definition.spec import Registration
+from msgdrop_cli.records.elsewhere import runs_of
 from msgdrop_cli.records.references import find_references, game_key
-from msgdrop_cli.records.store import list_runs
 
 PUBLISHED = Path(__file__).parents[2] / "results" / "published"
+SIX = "pursuit-n6"
 NONE, HALF, ALL = NONE_BROKEN, Channel.read(0.5), Channel.read(1.0)
 _WIDTH = 100
 _INTERVAL = re.compile(r"\S+ \[[-\d., ]+\]")
@@ -137,10 +138,12 @@ class Study(NamedTuple):
 
 
 @cache
-def study(folder: str) -> Study:
-    """A folder of results/published, measured and judged."""
+def study(folder: str, environment: str | None = None) -> Study:
+    """A folder of results/published, measured and judged; environment: its part in that game."""
     path = PUBLISHED / folder
-    records = list_runs(path)
+    records = [
+        record for record in runs_of(path).records if environment in (None, record.environment)
+    ]
     definition = load_definition(records[0].definition)
     keys = {game_key(record.spec["environment"]) for record in records}
     known = {key: find_references(path, key) for key in keys}
@@ -149,7 +152,11 @@ def study(folder: str) -> Study:
         order=tuple(definition.variants),
         references={key: each for key, each in known.items() if each},
     )
-    claims = judged_at(definition, records[0].profile)
+    claims = [
+        claim
+        for claim in judged_at(definition, records[0].profile)
+        if environment in (None, claim.environment)
+    ]
     if definition.registration is None:
         raise ValueError(f"{definition.name} has registered nothing")
     verdicts = judge_claims(claims, summary, definition)
