@@ -2,23 +2,26 @@
 
 from collections.abc import Callable, Iterable
 
-from benchmarks.readme.judged import BROKEN, ELEMENTS, NAVIGATION, beats
+from benchmarks.readme.judged import (
+    BROKEN,
+    ELEMENTS,
+    NAVIGATION,
+    beats,
+    counted,
+    of_game,
+    told,
+)
 from benchmarks.readme.rates import STUDY as RATES
 from benchmarks.readme.studies import (
     ALL,
     HALF,
     SIX,
-    Study,
     expect,
-    listing,
     number,
     paragraph,
     study,
 )
-from msgdrop_cli.analysis.verdict import Verdict
 
-_WORDS = ("supported", "contradicted", "level", "undecided")
-"""In the order in which they are told."""
 _LISTENERS = ("md-0.2", "md-0.5")
 
 
@@ -28,7 +31,7 @@ def broken() -> str:
     lines = []
     for channel in (HALF, ALL):
         about = [each for each in found.verdicts if each.claim.channel == channel]
-        lines += _told(about, f"{channel.short}: ")
+        lines += told(about, f"{channel.short}: ")
     half, whole = (
         {found.verdict(each, "dcc", channel).verdict for each in _LISTENERS}
         for channel in (HALF, ALL)
@@ -59,7 +62,7 @@ def learning() -> str:
     said = """There rates of 0.2 to 0.5 catch more after training than FDC, which is decided; that
     any rate beats DCC is not ([all rates](../results/README.md#publisheddropout-rate-two-million)).
     """
-    return _page(_told(faster, verb="learns faster than"), said)
+    return _page(told(faster, verb="learns faster than"), said)
 
 
 def navigation() -> str:
@@ -67,8 +70,8 @@ def navigation() -> str:
     found, lines = study(NAVIGATION), list[str]()
     for measure, when in (("learning", "in"), ("evaluation", "after")):
         for agents in (8, 10):
-            about = _of(found, f"navigation-n{agents}", measure)
-            lines += _told(about, f"navigation N = {agents}, {when} training: ")
+            about = of_game(found, f"navigation-n{agents}", measure)
+            lines += told(about, f"navigation N = {agents}, {when} training: ")
     worse = found.verdict("md-0.5", "dcc", environment="navigation-n10", measure="learning")
     expect(worse.verdict == "contradicted", "that a rate of 0.5 costs something")
     said = """These differences are small against what is left to learn there. A rate of 0.5 can
@@ -95,7 +98,7 @@ def paper_broken() -> str:
     seeds = number(len(found.arm("dcc").done))
     return (
         f"{seeds} seeds at N = 6: `{BROKEN}`, all {number(len(found.verdicts))} as the paper says,"
-        f" {_counted(found.verdicts)}"
+        f" {counted(found.verdicts)}"
     )
 
 
@@ -125,7 +128,7 @@ def paper_navigation() -> str:
     rate = against.claim.better.removeprefix("md-")
     seeds = number(len(found.arm("dcc", "navigation-n8").done))
     return (
-        f"{seeds} seeds at N = 8 and 10: `{NAVIGATION}`, while learning {_counted(during)}"
+        f"{seeds} seeds at N = 8 and 10: `{NAVIGATION}`, while learning {counted(during)}"
         f" ({rate} against DCC at N = {game}), after it {word}"
     )
 
@@ -143,31 +146,6 @@ def within() -> str:
     return paragraph(
         f"{episodes:,} episodes of pursuit leave {min(errors):.1f} to {max(errors):.1f} catches"
     )
-
-
-def _told(verdicts: Iterable[Verdict], place: str = "", verb: str = "beats") -> list[str]:
-    """A line for each word that claims of one place have."""
-    known = [*verdicts]
-    return [
-        f"* {place}{', '.join(beats(each, verb) for each in alike)}: **{word}**"
-        for word in _WORDS
-        if (alike := [each for each in known if each.verdict == word])
-    ]
-
-
-def _counted(verdicts: Iterable[Verdict]) -> str:
-    """`seven of eight supported, one contradicted`."""
-    words = [each.verdict for each in verdicts]
-    counts = [f"{number(words.count(each))} {each}" for each in _WORDS if each in words]
-    return listing(counts)
-
-
-def _of(found: Study, environment: str, measure: str) -> list[Verdict]:
-    return [
-        each
-        for each in found.verdicts
-        if (each.claim.environment, each.claim.measure) == (environment, measure)
-    ]
 
 
 def _page(lines: Iterable[str], said: str) -> str:

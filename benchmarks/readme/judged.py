@@ -1,6 +1,6 @@
 """Every claim under the registered rule, and what it was under the rule before."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 
 from benchmarks.readme.studies import (
     SIX,
@@ -21,8 +21,10 @@ NAVIGATION = "navigation-million-nearest"
 """The studies of ten seeds."""
 LABELS = {
     **{"fdc": "FDC", "dcc": "DCC", "md-0.2": "DCC-MD 0.2", "md-0.5": "DCC-MD 0.5"},
-    "sd-0.2": "DCC-SD 0.2",
+    **{"sd-0.2": "DCC-SD 0.2", "full-md-0.2": "Full MD 0.2", "full-sd-0.2": "Full SD 0.2"},
 }
+_WORDS = ("supported", "contradicted", "level", "undecided")
+"""In the order in which they are told."""
 _SUPPORTED, _OPEN, _NOT_RUN = "supported", "undecided", "not run"
 _WAS = (
     *([_SUPPORTED] * 8),  # broken links
@@ -89,7 +91,7 @@ def _navigation() -> list[tuple[str, Verdict]]:
     found, lines = study(NAVIGATION), []
     for measure, when in (("learning", "in"), ("evaluation", "after")):
         for agents in (8, 10):
-            verdicts = _of(found, f"navigation-n{agents}", measure)
+            verdicts = of_game(found, f"navigation-n{agents}", measure)
             place = f"navigation N = {agents}, {when} training:"
             lines += [
                 (f"{'...' if rank else place} {beats(verdict)}", verdict)
@@ -98,17 +100,35 @@ def _navigation() -> list[tuple[str, Verdict]]:
     return lines
 
 
-def _of(found: Study, environment: str, measure: str) -> list[Verdict]:
+def beats(verdict: Verdict, word: str = "beats") -> str:
+    """Both arms by their labels."""
+    return f"{LABELS[verdict.claim.better]} {word} {LABELS[verdict.claim.worse]}"
+
+
+def told(verdicts: Iterable[Verdict], place: str = "", verb: str = "beats") -> list[str]:
+    """A line for each word that claims of one place have."""
+    known = [*verdicts]
+    return [
+        f"* {place}{', '.join(beats(each, verb) for each in alike)}: **{word}**"
+        for word in _WORDS
+        if (alike := [each for each in known if each.verdict == word])
+    ]
+
+
+def counted(verdicts: Iterable[Verdict]) -> str:
+    """`seven of eight supported, one contradicted`."""
+    words = [each.verdict for each in verdicts]
+    counts = [f"{number(words.count(each))} {each}" for each in _WORDS if each in words]
+    return listing(counts)
+
+
+def of_game(found: Study, environment: str, measure: str) -> list[Verdict]:
+    """The verdicts on the claims of one game and measure."""
     return [
         each
         for each in found.verdicts
         if (each.claim.environment, each.claim.measure) == (environment, measure)
     ]
-
-
-def beats(verdict: Verdict, word: str = "beats") -> str:
-    """Both arms by their labels."""
-    return f"{LABELS[verdict.claim.better]} {word} {LABELS[verdict.claim.worse]}"
 
 
 def _cells(verdict: Verdict) -> tuple[str, ...]:

@@ -26,8 +26,10 @@ _REMARKS = {
     "fdc": " (no messages)",
     "dcc": " (all messages)",
     "md-0.2": " (a fifth of the messages dropped)",
+    "md-0.5": "",
     "sd-0.2": " (a fifth of their elements dropped)",
 }
+"""What the table says of its arms."""
 _LAST = 200_000
 """Env steps at the end of the training that are told as where it ends."""
 
@@ -57,11 +59,11 @@ def scale() -> str:
 def catches() -> str:
     """Catches of every variant with none, half and all of the links broken."""
     rows = []
-    for variant, label in LABELS.items():
+    for variant, remark in _REMARKS.items():
         found = study(_BLOCKWISE if variant == "sd-0.2" else _BROKEN, SIX)
         first, *others = (found.after(variant, channel) for channel in (NONE, HALF, ALL))
         cells = (f"{each.mean:.1f}" if each == first else each.text(1) for each in others)
-        rows.append((label + _REMARKS.get(variant, ""), first.text(1), *cells))
+        rows.append((LABELS[variant] + remark, first.text(1), *cells))
     known = {name: f"{study(_BROKEN, SIX).reference(name):.1f}" for name in ("random", "nothing")}
     scripted = f"{study(_BROKEN, SIX).reference('scripted'):.1f}"
     nothing = ", ".join(dict.fromkeys(known.values()))
