@@ -2,12 +2,14 @@
 
     python -m benchmarks.verdict_level --studies 100000
     python -m benchmarks.verdict_level --studies 100000 --anytime
+    python -m benchmarks.verdict_level --studies 100000 --unlike
 
-The second is of the e-process beside the verdicts: one claim, looked at after every seed by
-somebody who stops when it pleases. In the first, each study has four arms and the four claims of
-two of them against the other two, as a question has: arms of one seed share its luck, claims share
-arms. Nothing here is a model of the rule; the studies go through the code of the program, look by
-look, until nothing is open.
+In the first, each study has four arms and the four claims of two of them against the other two, as
+a question has: arms of one seed share its luck, claims share arms. The second is of the e-process
+beside the verdicts: one claim, looked at after every seed by somebody who stops when it pleases.
+The third is of what the rule assumes: one claim whose arms have equal means and noise of other
+shapes, at the second shipped look. Nothing here is a model of the rule; the studies go through the
+code of the program, look by look, until nothing is open.
 """
 
 import argparse
@@ -38,6 +40,16 @@ NOISE: dict[str, tuple[Noise, float]] = {
     "skewed": (lambda rng, shape: rng.exponential(size=shape), 1.0),
 }
 """What a seed does to an arm, and its standard deviation."""
+SEEN = Registration(looks=(6, 10), alpha_spent=(0.015, 0.025), seen=6)
+"""The first two looks of the shipped questions."""
+UNLIKE: dict[str, Noise] = {
+    "normal, both": lambda rng, shape: rng.normal(size=shape) - rng.normal(size=shape),
+    "normal, one thrice as wide": lambda rng, n: 3.0 * rng.normal(size=n) - rng.normal(size=n),
+    "skewed against normal": lambda rng, n: rng.exponential(size=n) - 1.0 - rng.normal(size=n),
+    "skewed against none": lambda rng, shape: rng.exponential(size=shape) - 1.0,
+    "one seed in ten collapses": lambda rng, shape: 1.0 - 10.0 * (rng.random(shape) < 0.1),
+}
+"""Differences of two arms with equal means."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -94,13 +106,23 @@ def stopped(studies: int, *, effect: float, noise: str = "normal") -> list[int]:
     return found
 
 
+def unlike(studies: int, draw: Noise) -> float:
+    """The share of studies that decide a claim about two arms with equal means."""
+    differences = draw(np.random.default_rng(SEED), (studies, SEEN.looks[-1])).tolist()
+    return sum(decided(flips_of([each], SEEN), SEEN) != [None] for each in differences) / studies
+
+
 def main() -> None:
     """Print a row of Markdown for each kind of study."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--studies", type=int, default=100_000, help="a tenth for power alone")
     parser.add_argument("--shipped", action="store_true", help="the four looks of the questions")
     parser.add_argument("--anytime", action="store_true", help="the e-process, at any stop")
+    parser.add_argument("--unlike", action="store_true", help="equal means, other shapes")
     options = parser.parse_args()
+    if options.unlike:
+        _unlike(options.studies)
+        return
     if options.anytime:
         _anytime(options.studies)
         return
@@ -133,6 +155,15 @@ def _anytime(studies: int) -> None:
         cells += [f"{share:.1%}" for share in shares]
         cells.append(f"{median(filter(None, seeds)):g}" if ever > 0.5 else "")
         print("| " + " | ".join(cells) + " |", flush=True)
+
+
+def _unlike(studies: int) -> None:
+    print("| noise of the two arms | studies | decided |")
+    print("|---" * 3 + "|")
+    for name, draw in UNLIKE.items():
+        wrong = unlike(studies, draw)
+        error = (wrong * (1.0 - wrong) / studies) ** 0.5
+        print(f"| {name} | {studies:,} | {wrong:.2%} +- {error:.2%} |", flush=True)
 
 
 def _row(found: Found, studies: int, *, better: int, effect: float, noise: str) -> str:

@@ -43,6 +43,7 @@ def reading(word: Word, *readings: str) -> Reading:
         seeds=3,
         lost=1,
         evidence=None,
+        is_judged=False,
         prospect=None,
         unforeseen="",
         margin=1.0,

@@ -7,6 +7,7 @@ from typing import Any
 
 import pytest
 
+from msgdrop_cli.commands.parts.auto_seeds import too_few_seeds
 from msgdrop_cli.definition.load import load_definition
 from msgdrop_cli.definition.plan import plan
 from msgdrop_cli.engine.offers import catalogue
@@ -118,7 +119,7 @@ def test_after_the_last_look_nothing_is_trained(tmp_path: Path) -> None:
 
 def test_a_lost_run_of_a_decided_claim_stays_in_its_verdict(tmp_path: Path) -> None:
     """It is not tried again, which might turn the verdict, and still counts as the worst."""
-    assert to_train(looks(tmp_path, dcc=["failed", *LOW[1:]], md=HIGH, fdc=LOW)) == {}
+    assert to_train(looks(tmp_path, dcc=["diverged", *LOW[1:]], md=HIGH, fdc=LOW)) == {}
     said = asked(tmp_path)
     assert "auto: no claim is open at a look that is left" in said.err
     assert "nothing to train" in said.err
@@ -127,6 +128,14 @@ def test_a_lost_run_of_a_decided_claim_stays_in_its_verdict(tmp_path: Path) -> N
         said.out.split()
     )
     assert said.code == 3
+
+
+def test_a_failed_run_is_tried_again_before_anything_is_decided(tmp_path: Path) -> None:
+    """It says nothing of its arm, so five seeds that agree and a crash are no look at six."""
+    document = looks(tmp_path, dcc=["failed", *LOW[1:]], md=HIGH, fdc=LOW)
+    assert [look["seeds"] for look in document["looks"]] == [6]
+    said = " ".join(asked(tmp_path, "--dry-run").out.split())
+    assert "18 runs: 17 finished, 1 to go on with" in said
 
 
 def test_the_plan_says_what_it_does(tmp_path: Path) -> None:
@@ -177,3 +186,32 @@ def test_train_has_no_looks() -> None:
     said = msgdrop("train", "--seeds", "auto", "--dry-run")
     assert said.code == 2
     assert "msgdrop train: --seeds auto trains to the next look of a [registration]" in said.err
+
+
+@pytest.mark.parametrize(
+    ("question", "profile", "seeds", "said"),
+    [
+        ("dropout-rate", "paper", None, "none is possible with 7 seeds: the first registered look "
+         "that can decide is at 10 (--seeds auto)"),
+        ("broken-links", "two-million", (1,), "none is possible with 1 seed: the first registered "
+         "look that can decide is at 10 (--seeds auto)"),
+        ("broken-links", "two-million", range(1, 11), ""),
+        ("broken-links", "two-million", range(7, 11), ""),
+    ],
+)  # fmt: skip
+def test_a_plan_that_can_decide_nothing_says_so(
+    question: str, profile: str, seeds: Sequence[int] | None, said: str
+) -> None:
+    """The paper's seven seeds are hours and no verdict; a piece of a study is not told so."""
+    made = plan(load_definition(question), profile, catalogue(), seeds=seeds)
+    assert too_few_seeds(made) == said
+
+
+def test_where_nothing_is_registered_nothing_is_said(tmp_path: Path) -> None:
+    """There are no verdicts at all."""
+    (tmp_path / "tiny.toml").write_text(QUESTION)
+    made = plan(load_definition(str(tmp_path / "tiny.toml")), "quick", catalogue())
+    assert too_few_seeds(made) == ""
+    (tmp_path / "tiny.toml").write_text(QUESTION + RULE)
+    made = plan(load_definition(str(tmp_path / "tiny.toml")), "quick", catalogue())
+    assert "with 2 seeds" in too_few_seeds(made)

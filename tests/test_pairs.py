@@ -89,12 +89,19 @@ def test_two_set_ups_of_a_variant_are_not_chosen_between(tmp_path: Path) -> None
     assert verdict_on(records).reason == "md-0.2 was trained with 2 different set-ups"
 
 
-@pytest.mark.parametrize("status", ["failed", "diverged"])
-@pytest.mark.parametrize(("variant", "word"), [("md-0.2", "undecided"), ("dcc", "supported")])
+@pytest.mark.parametrize(
+    ("variant", "status", "word"),
+    [
+        ("md-0.2", "diverged", "undecided"),
+        ("dcc", "diverged", "supported"),
+        ("md-0.2", "failed", "undecided"),
+        ("dcc", "failed", "undecided"),
+    ],
+)
 def test_a_run_that_broke_down_has_the_worst_value(
     tmp_path: Path, variant: str, word: str, status: str
 ) -> None:
-    """It is no missing seed: the arm that is ahead loses by it, the other one does not gain."""
+    """The arm that is ahead loses by it; no look counts a failed one, which may end well yet."""
     values = {"dcc": [1, 2, 1, 2, 1], "md-0.2": [11, 12, 12, 11, 12]}
     records = [run for name in values for run in write_arm(tmp_path, name, values[name])]
     other = "dcc" if variant == "md-0.2" else "md-0.2"
@@ -102,7 +109,9 @@ def test_a_run_that_broke_down_has_the_worst_value(
     records.append(write_run(tmp_path, other, 6, catches={0.0: {"dcc": 2, "md-0.2": 11}[other]}))
     verdict = verdict_on(records)
     assert (verdict.verdict, verdict.lost, verdict.seeds) == (word, 1, 6)
-    assert verdict.difference == pytest.approx((51 + (10 if word == "supported" else -1)) / 6)
+    assert verdict.difference == pytest.approx((51 + (10 if variant == "dcc" else -1)) / 6)
+    waits = "first registered look at 6 seeds, seed 6 has failed and is to be trained again"
+    assert (waits in verdict.reason) == (status == "failed")
     assert "1 lost to failed or diverged runs, which count as the worst" in verdict.reason
 
 

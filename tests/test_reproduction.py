@@ -40,6 +40,7 @@ def reading(
         seeds=seeds,
         lost=0,
         evidence=LOOK if look else None,
+        is_judged=look,
         prospect=None,
         unforeseen="",
         margin=None,

@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 from scipy.stats import permutation_test
 
-from msgdrop_cli.analysis.next_looks import deciding_looks
-from msgdrop_cli.analysis.sequential import decided, flips_of, looks_reached
+from msgdrop_cli.analysis.sequential import decided, deciding_looks, flips_of, speaks_at
 from msgdrop_cli.definition.spec import Registration
 
 RULE = Registration(looks=(4, 6, 8), alpha_spent=(0.15, 0.2, 0.3))
@@ -26,7 +25,10 @@ def by_definition(differences: Sequence[Sequence[float]], rule: Registration) ->
     """Follow every pattern of signs of every set of claims; nothing is shared or left out."""
     claims, seeds = range(len(differences)), len(differences[0])
     patterns = [*product((1.0, -1.0), repeat=seeds)]
-    reached = looks_reached(seeds, rule)
+    reached = sum(look <= seeds for look in rule.looks)
+    begun = [
+        n for n, before in zip(rule.looks, (0, *rule.looks), strict=False) if before < rule.seen
+    ]
 
     def statistic(pattern: Sequence[float], members: Sequence[int], look: int) -> float:
         n = rule.looks[look]
@@ -41,9 +43,9 @@ def by_definition(differences: Sequence[Sequence[float]], rule: Registration) ->
     def crosses_at(members: Sequence[int]) -> float:
         left, gone = list(patterns), 0
         looked = zip(rule.looks, rule.alpha_spent, strict=True)
-        before = max((alpha for n, alpha in looked if n <= rule.seen), default=0.0)
+        before = max((alpha for n, alpha in looked if n in begun), default=0.0)
         for look in range(reached):
-            if rule.looks[look] <= rule.seen:  # nothing can be registered about it any more
+            if rule.looks[look] in begun:  # nothing can be registered about it any more
                 continue
             left_over = rule.alpha_spent[look] - before
             allowed = int(left_over * len(patterns) - gone + 1e-9)
@@ -71,6 +73,7 @@ def by_definition(differences: Sequence[Sequence[float]], rule: Registration) ->
         RULE,
         Registration(looks=(4, 6, 8), alpha_spent=(0.15, 0.2, 0.3), sides=1),
         Registration(looks=(4, 6, 8), alpha_spent=(0.15, 0.2, 0.3), seen=4),
+        Registration(looks=(4, 6, 8), alpha_spent=(0.15, 0.2, 0.3), seen=1),  # a part of look 1
         Registration(looks=(5, 8), alpha_spent=(0.2, 0.3)),
     ],
 )
@@ -184,11 +187,34 @@ def test_the_first_look_that_can_decide_does_so_if_all_seeds_agree(rule: Registr
     assert deciding_looks(rule)[:1] == ([] if when is None else [rule.looks[when]])
 
 
-def test_claims_with_fewer_seeds_are_judged_where_they_are() -> None:
-    """One that has stopped at six seeds does not stop the others."""
+def test_a_look_is_of_the_whole_family() -> None:
+    """A claim that comes later would else be judged with the others at a look they had alone."""
     one, other = study(8, claims=2, seeds=8, effect=4.0)
-    assert decided(flips_of([one, other[:4]], RULE), RULE)[0] is not None
+    assert len(flips_of([one, other], RULE)) == 3
+    assert len(flips_of([one, other[:5]], RULE)) == 1
+    assert len(flips_of([one, other[:3]], RULE)) == 0
     assert decided(flips_of([one[:3], other[:3]], RULE), RULE) == []
+
+
+def test_what_is_decided_need_not_go_on() -> None:
+    """Its seeds end at the look that decided it, and the others have the later ones."""
+    _, other = study(8, claims=2, seeds=8)
+    sure = [1.0] * 4  # 2 / 16 at four seeds
+    flips = flips_of([sure, other], RULE)
+    assert decided(flips[:1], RULE) == [0, None]
+    assert len(flips) == 3
+    assert len(flips_of([sure[:3], other], RULE)) == 0
+
+
+def test_the_sign_is_that_of_the_look_at_which_the_claim_spoke() -> None:
+    """A set with another claim may cross later, when the first one's mean has turned."""
+    rule = Registration(looks=(6, 10), alpha_spent=(0.04, 0.1))
+    turned = [3.0] * 6 + [-8.0] * 4
+    other = [3.0] * 5 + [-3.0] + [50.0] * 4  # as far out as all of one sign, at six seeds
+    flips = flips_of([turned, other], rule)
+    assert decided(flips, rule)[0] == 1
+    assert speaks_at(0, flips, rule) == 0
+    assert sum(turned[:6]) > 0.0 > sum(turned)
 
 
 @pytest.mark.slow

@@ -2,7 +2,7 @@
 
 import pytest
 
-from benchmarks.verdict_level import MOST_SEEDS, NOISE, simulate, stopped
+from benchmarks.verdict_level import MOST_SEEDS, NOISE, UNLIKE, simulate, stopped, unlike
 from msgdrop_cli.definition.spec import Registration
 
 RULE = Registration(looks=(6, 8, 10), alpha_spent=(0.02, 0.035, 0.05))
@@ -41,3 +41,11 @@ def test_the_e_process_finds_large_effects_soon() -> None:
     found = stopped(200, effect=2.0)
     assert min(found) == 6
     assert sum(seed <= 10 for seed in found) > 0.9 * 200
+
+
+def test_equal_means_are_not_enough() -> None:
+    """Tested is whether a difference is as likely as its opposite, as docs/verdicts.md says."""
+    found = {name: unlike(STUDIES, draw) for name, draw in UNLIKE.items()}
+    assert found["normal, both"] <= 0.01 + 3.0 * (0.01 / STUDIES) ** 0.5
+    assert found["normal, one thrice as wide"] <= 0.01 + 3.0 * (0.01 / STUDIES) ** 0.5
+    assert found["one seed in ten collapses"] > 0.3

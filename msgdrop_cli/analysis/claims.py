@@ -12,7 +12,7 @@ from dataclasses import replace
 from msgdrop_cli.analysis.families import judge_family
 from msgdrop_cli.analysis.pairs import Missing, Pair, find_pair
 from msgdrop_cli.analysis.summary import Group, Summary
-from msgdrop_cli.analysis.verdict import DECIDED, Verdict
+from msgdrop_cli.analysis.verdict import Verdict
 from msgdrop_cli.definition.registration import registered_as
 from msgdrop_cli.definition.spec import Claim, Definition
 
@@ -61,11 +61,11 @@ def _groups_of(claim: Claim, summary: Summary) -> list[Group]:
 
 def _withheld(verdict: Verdict, missing: int, asked: int) -> Verdict:
     """The verdict once its family is whole; before, what was seen of a part would count twice."""
-    if not missing or verdict.verdict not in DECIDED:
+    if not missing or verdict.evidence is None:
         return verdict
     count = f"{missing} of the {asked} claims of its family, which are judged together,"
     reason = f"{count} are not run yet; {verdict.reason}"
-    return replace(verdict, verdict="undecided", reason=reason)
+    return replace(verdict, verdict="undecided", reason=reason, evidence=None)
 
 
 def _with_registrations(verdict: Verdict, pair: Pair, name: str | None) -> Verdict:

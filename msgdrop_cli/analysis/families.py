@@ -7,7 +7,7 @@ from msgdrop_cli.analysis.e_process import Anytime, anytime
 from msgdrop_cli.analysis.intervals import ALPHA, flip_interval, mean_interval
 from msgdrop_cli.analysis.pairs import Pair
 from msgdrop_cli.analysis.prospects import Prospect, no_forecast, prospect
-from msgdrop_cli.analysis.sequential import decided, flips_of, looks_reached
+from msgdrop_cli.analysis.sequential import decided, flips_of, speaks_at
 from msgdrop_cli.analysis.sign_flips import (
     Flipped,
     holm,
@@ -32,18 +32,20 @@ def judge_family(pairs: Sequence[Pair], rule: Registration | None) -> list[Verdi
     found = [_evidence(each, number, rule) for number, each in enumerate(flips)]
     verdicts = []
     for number, (pair, look) in enumerate(zip(pairs, when, strict=True)):
-        reached = looks_reached(len(pair.first), rule)
         word: Word = "undecided"
-        if look is not None:
-            word = "supported" if mean(pair.first[: rule.looks[look]]) > 0.0 else "contradicted"
-        elif (look := _level_at(pair, reached, rule, len(pairs))) is not None:
-            word = "level"
+        reached = len(flips) if look is None else look
+        if (level := _level_at(pair, reached, rule, len(pairs))) is not None:
+            word, look = "level", level
+        elif look is not None:
+            seeds = rule.looks[speaks_at(number, flips, rule)]
+            word = "supported" if mean(pair.first[:seeds]) > 0.0 else "contradicted"
         elif reached:
             look = reached - 1
         evidence = None if look is None else found[look][number]
         ahead = prospect(pair, reached, rule, len(pairs)) if word == "undecided" else None
         stopped = anytime(pair.first, rule.sides)
-        reason = "; ".join(_reasons(pair, word, evidence, rule, ahead, stopped))
+        told = _said_at(pair, reached, rule, ahead) if word == "undecided" else []
+        reason = "; ".join(_reasons(pair, word, evidence, rule, told, stopped))
         unforeseen = no_forecast(pair, rule) if word == "undecided" and not ahead else ""
         verdict = _verdict(pair, word, reason, stopped, evidence, ahead)
         verdicts.append(replace(verdict, unforeseen=unforeseen))
@@ -112,7 +114,7 @@ def _level_at(pair: Pair, reached: int, rule: Registration, family: int) -> int 
     if margin is None:
         return None
     for number in range(reached):
-        if rule.looks[number] <= rule.seen:
+        if number < rule.looks_gone:
             continue
         values = pair.first[: rule.looks[number]]
         interval = flip_interval(values, rule.share(number) / family)
@@ -126,22 +128,19 @@ def _reasons(
     word: Word,
     evidence: Evidence | None,
     rule: Registration,
-    ahead: Prospect | None,
+    ahead: Sequence[str],
     stopped: Anytime | None,
 ) -> list[str]:
-    """Why it is this word."""
+    """Why it is this word; ahead: what is said of looks to come."""
     parts = [_said_of(evidence)] if evidence else []
     if evidence and evidence.seeds < len(pair.differences):
         parts.append(f"the difference is of all {len(pair.differences)} seeds")
-    if evidence and evidence.seeds <= rule.seen:
+    if evidence and evidence.look <= rule.looks_gone:
         parts.append("looked at before it was registered, so that alpha is gone")
     if word == "level":
         margin = rule.margin[pair.claim.metric]
         parts.append(f"surely within {margin:g} of 0")
-    if word == "undecided":
-        parts.append(_next_look(pair, rule))
-        parts.append(_in_words(ahead, rule) if ahead else no_forecast(pair, rule))
-    parts += _at_any_stop(stopped)
+    parts += [*ahead, *_at_any_stop(stopped)]
     if pair.lost:
         parts.append(f"{pair.lost} lost to failed or diverged runs, which count as the worst")
     if pair.overridden:
@@ -169,14 +168,26 @@ def _at_any_stop(stopped: Anytime | None) -> list[str]:
     ]
 
 
-def _next_look(pair: Pair, rule: Registration) -> str:
-    reached = looks_reached(len(pair.first), rule)
+def _said_at(pair: Pair, reached: int, rule: Registration, ahead: Prospect | None) -> list[str]:
+    """Where the next look is, and what would probably decide an open claim."""
+    return [
+        _next_look(pair, reached, rule),
+        _in_words(ahead, rule) if ahead else no_forecast(pair, rule),
+    ]
+
+
+def _next_look(pair: Pair, reached: int, rule: Registration) -> str:
     if reached == len(rule.looks):
         return "no look is left"
-    name = "next" if reached else "first"
-    missing = len(pair.first) + 1
-    gap = f", seed {missing} is missing" if len(pair.first) < len(pair.differences) else ""
-    return f"{name} registered look at {rule.looks[reached]} seeds{gap}"
+    name, seeds = "next" if reached else "first", rule.looks[reached]
+    missing, waits = len(pair.first) + 1, ""
+    if missing > seeds:
+        waits = ", which all claims of its family must have, for they are judged together"
+    elif missing in pair.failed:
+        waits = f", seed {missing} has failed and is to be trained again"
+    elif missing <= len(pair.differences):
+        waits = f", seed {missing} is missing"
+    return f"{name} registered look at {seeds} seeds{waits}"
 
 
 def _in_words(ahead: Prospect, rule: Registration) -> str:

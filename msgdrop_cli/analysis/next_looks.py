@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from msgdrop_cli.analysis.sign_flips import TOLERANCE, smallest_p
+from msgdrop_cli.analysis.sequential import deciding_looks
 from msgdrop_cli.analysis.verdict import Verdict
 from msgdrop_cli.definition.spec import Registration
 
@@ -28,22 +28,27 @@ def next_looks(verdicts: Sequence[Verdict], rule: Registration) -> list[NextLook
     """For the arms of every open claim the first look not reached yet that can decide anything.
 
     An arm of several open claims is due at the last of their looks. What is decided needs no arm,
-    and an open claim without a look that is left none either.
+    and an open claim without a look that is left none either. What is level has rejected nothing:
+    it goes on with its family, whose sets of claims it is in.
     """
     waiting: dict[tuple[str, int], int] = {}
-    due: dict[tuple[str, str], int] = {}
+    families: dict[tuple[str, str], int] = {}
     for verdict in verdicts:
         claim, reached = verdict.claim, verdict.evidence.seeds if verdict.evidence else 0
         able = [n for n in deciding_looks(rule.in_game(claim.environment)) if n > reached]
         if verdict.verdict in _OPEN and able:
             look = rule.looks.index(able[0]) + 1
             waiting[claim.environment, look] = waiting.get((claim.environment, look), 0) + 1
-            for variant in (claim.better, claim.worse):
-                arm = (claim.environment, variant)
-                due[arm] = max(look, due.get(arm, 0))
+            families[claim.family] = max(look, families.get(claim.family, 0))
+    due: dict[tuple[str, str], int] = {}
+    for claim in (each.claim for each in verdicts if each.verdict in (*_OPEN, "level")):
+        for variant in (claim.better, claim.worse):
+            arm = (claim.environment, variant)
+            due[arm] = max(families.get(claim.family, 0), due.get(arm, 0))
     arms: dict[tuple[str, int], list[str]] = {}
     for (environment, variant), look in sorted(due.items()):
-        arms.setdefault((environment, look), []).append(variant)
+        if look:
+            arms.setdefault((environment, look), []).append(variant)
     return [
         NextLook(
             environment=environment,
@@ -54,12 +59,3 @@ def next_looks(verdicts: Sequence[Verdict], rule: Registration) -> list[NextLook
         )
         for (environment, look), variants in sorted(arms.items())
     ]
-
-
-def deciding_looks(rule: Registration) -> list[int]:
-    """The looks of one game, as numbers of seeds, at which a claim can get a verdict.
-
-    They come after what had been seen, and their smallest p is not above the alpha there is.
-    """
-    left = [(n, alpha - rule.gone) for n, alpha in zip(rule.looks, rule.alpha_spent, strict=True)]
-    return [n for n, a in left if n > rule.seen and smallest_p(n, rule.sides) <= a + TOLERANCE]

@@ -1,7 +1,7 @@
 """The two arms of a claim, seed by seed: arms of one seed have met the same games, so they pair.
 
 A run that failed or diverged has the worst value of the two arms, in place of one of its own:
-leaving it out would flatter its arm.
+leaving it out would flatter its arm. No look counts a failed one: training it again may end well.
 """
 
 from collections.abc import Mapping
@@ -34,13 +34,15 @@ class Pair:
     """Of each seed that both arms have, in order: above 0 speaks for the claim."""
     lost: int
     """Seeds of which a run failed or diverged."""
+    failed: frozenset[int]
+    """Seeds of which a run failed, by the fault of a machine or program."""
     overridden: tuple[str, ...]
     """What `--set` changed of both arms."""
 
     @property
     def first(self) -> list[float]:
-        """The differences of seeds 1, 2, ... up to the first that is missing."""
-        seeds = takewhile(self.differences.__contains__, count(1))
+        """The differences of seeds 1, 2, ... up to the first that is missing, or has failed."""
+        seeds = takewhile((self.differences.keys() - self.failed).__contains__, count(1))
         return [self.differences[seed] for seed in seeds]
 
 
@@ -92,6 +94,7 @@ def _paired(
         worse=worse,
         differences={seed: values[0][seed] - values[1][seed] for seed in seeds},
         lost=len((better.lost | worse.lost) & set(seeds)),
+        failed=better.failed_seeds | worse.failed_seeds,
         overridden=overridden,
     )
 

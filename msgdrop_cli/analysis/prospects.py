@@ -8,7 +8,7 @@ from statistics import NormalDist, stdev
 from typing import NamedTuple
 
 from msgdrop_cli.analysis.pairs import Pair
-from msgdrop_cli.analysis.sign_flips import smallest_p
+from msgdrop_cli.analysis.sequential import deciding_looks
 from msgdrop_cli.analysis.statistics import mean
 from msgdrop_cli.definition.spec import Registration
 
@@ -41,14 +41,12 @@ def prospect(pair: Pair, look: int, rule: Registration, family: int) -> Prospect
     if not spread:
         return None
     effect = abs(mean(values)) / spread
-    for number in range(look, len(rule.looks)):
-        seeds = rule.looks[number]
-        if seeds <= rule.seen:
-            continue  # a look that is gone decides nothing
-        share = rule.share(number)
-        if smallest_p(seeds, rule.sides) <= share and effect * math.sqrt(seeds) >= _far(
-            share / rule.sides / family
-        ):
+    able, spent = deciding_looks(rule), rule.gone
+    for number, (seeds, alpha) in enumerate(zip(rule.looks, rule.alpha_spent, strict=True)):
+        if seeds not in able:
+            continue  # what it cannot use is kept for the next look, if it had not been seen
+        share, spent = alpha - spent, alpha
+        if number >= look and effect * math.sqrt(seeds) >= _far(share / rule.sides / family):
             return Prospect(seeds, True)
     last = rule.looks[-1]
     seeds = math.ceil((_far(rule.alpha / rule.sides / family) / max(effect, 1e-9)) ** 2)

@@ -12,6 +12,7 @@ from typing import get_args
 
 from msgdrop_cli.analysis.claims import judge_claims
 from msgdrop_cli.analysis.prospects import Prospect
+from msgdrop_cli.analysis.sequential import deciding_looks
 from msgdrop_cli.analysis.summary import Group, Summary
 from msgdrop_cli.analysis.verdict import DECIDED, Evidence, Verdict, Word
 from msgdrop_cli.definition.channel import NONE_BROKEN
@@ -43,6 +44,8 @@ class Reading:
     lost: int
     """Of these with a run that failed or diverged, which counts as the worst value."""
     evidence: Evidence | None
+    is_judged: bool
+    """Whether it has reached a look that can decide."""
     prospect: Prospect | None
     unforeseen: str
     """Why there is none of an open claim that is judged."""
@@ -172,7 +175,7 @@ def counts(lines: Iterable[Line]) -> dict[Word, int]:
 def one_word(readings: Sequence[Reading]) -> tuple[Word, int | None]:
     """The word for a claim, and which of its readings says it.
 
-    Of each reading the largest scale counts that has reached a registered look, or else the
+    Of each reading the largest scale counts that has reached a look which can decide, or else the
     largest. If these disagree, one deciding one way and one another, the paper is under-specified.
     What no registered reading is (`--set`) has been left out before.
     """
@@ -193,7 +196,7 @@ def one_word(readings: Sequence[Reading]) -> tuple[Word, int | None]:
 
 
 def _weight(reading: Reading) -> tuple[bool, int, int]:
-    return reading.evidence is not None, reading.train_env_steps, reading.seeds
+    return reading.is_judged, reading.train_env_steps, reading.seeds
 
 
 def _lines(answer: Answer) -> list[Line]:
@@ -224,6 +227,7 @@ def _reading(verdict: Verdict, group: Group, answer: Answer) -> Reading:
     ]
     held = [held_by(arm.setup, group.environment) for arm in arms]
     rule = answer.definition.registration
+    able = deciding_looks(rule.in_game(group.environment)) if rule else []
     interval = verdict.interval
     return Reading(
         readings=tuple(name for name in held[0] if all(name in each for each in held)),
@@ -238,6 +242,7 @@ def _reading(verdict: Verdict, group: Group, answer: Answer) -> Reading:
         seeds=verdict.seeds,
         lost=verdict.lost,
         evidence=verdict.evidence,
+        is_judged=verdict.evidence is not None and verdict.evidence.seeds in able,
         prospect=verdict.prospect,
         unforeseen=verdict.unforeseen,
         margin=rule.margin.get(claim.metric) if rule else None,

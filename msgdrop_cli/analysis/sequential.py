@@ -15,26 +15,53 @@ from collections.abc import Sequence
 from itertools import combinations
 from typing import Any
 
-from msgdrop_cli.analysis.sign_flips import TOLERANCE, Flipped, flipped
+from msgdrop_cli.analysis.sign_flips import TOLERANCE, Flipped, flipped, smallest_p
 from msgdrop_cli.definition.spec import Registration
 
 
-def looks_reached(seeds: int, rule: Registration) -> int:
-    """How many registered looks the first `seeds` seeds are enough for."""
-    return sum(look <= seeds for look in rule.looks)
+def deciding_looks(rule: Registration) -> list[int]:
+    """The looks of one game, as numbers of seeds, at which a claim can get a verdict.
+
+    They come after what had been seen, and their smallest p is not above the alpha there is.
+    """
+    left = [alpha - rule.gone for alpha in rule.alpha_spent]
+    return [
+        seeds
+        for number, seeds in enumerate(rule.looks)
+        if number >= rule.looks_gone and smallest_p(seeds, rule.sides) <= left[number] + TOLERANCE
+    ]
 
 
 def flips_of(differences: Sequence[Sequence[float]], rule: Registration) -> list[Flipped]:
-    """The flips of a family at every look that one of its claims has reached.
+    """The flips of a family at every look that it has reached.
+
+    A look is of the whole family: each of its claims has these seeds, or is decided by an earlier
+    one. Else the claims that come first would be judged at it twice, with the others and without.
 
     differences: [claims][seeds], seeds in the order of their numbers.
     """
-    reached = looks_reached(max(map(len, differences), default=0), rule)
-    starts = (0, *rule.looks)
-    return [
-        flipped(differences, seeds, starts[number], sides=rule.sides)
-        for number, seeds in enumerate(rule.looks[:reached])
-    ]
+    flips: list[Flipped] = []
+    for seeds, before in zip(rule.looks, (0, *rule.looks), strict=False):
+        late = [claim for claim, each in enumerate(differences) if len(each) < seeds]
+        if len(late) == len(differences):
+            break
+        if late and not (flips and _are_decided(late, flips, rule)):
+            break
+        flips.append(flipped(differences, seeds, before, sides=rule.sides))
+    return flips
+
+
+def _are_decided(claims: Sequence[int], flips: Sequence[Flipped], rule: Registration) -> bool:
+    when = decided(flips, rule)
+    return all(when[claim] is not None for claim in claims)
+
+
+def speaks_at(claim: int, flips: Sequence[Flipped], rule: Registration) -> int:
+    """The look (0, 1, ...) at which a claim that is decided has crossed by itself.
+
+    It is the sign there that is decided: sets with other claims may have crossed later.
+    """
+    return int(_crossed_at([claim], flips, rule))
 
 
 def decided(flips: Sequence[Flipped], rule: Registration) -> list[int | None]:
@@ -77,7 +104,7 @@ def _boundary(highest: Any, before: Any, number: int, rule: Registration) -> flo
     """
     import numpy as np
 
-    if rule.looks[number] <= rule.seen:
+    if number < rule.looks_gone:
         return math.inf  # whoever has looked already can register nothing about it
     used = rule.gone * len(highest) + (0 if before is None else int(np.count_nonzero(before)))
     allowed = math.floor(rule.alpha_spent[number] * len(highest) - used + TOLERANCE)

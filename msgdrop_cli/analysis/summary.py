@@ -58,6 +58,8 @@ class Arm:
     diverged: int
     lost: frozenset[int]
     """Seeds whose run failed or diverged."""
+    failed_seeds: frozenset[int]
+    """Those of them that failed, which may be trained again."""
     unfinished: int
     """Planned, running or interrupted runs."""
     metrics: Metrics
@@ -211,6 +213,7 @@ def _arm(runs: Sequence[RunRecord]) -> Arm:
         failed=failed,
         diverged=diverged,
         lost=frozenset(run.seed for run in runs if run.status in ("failed", "diverged")),
+        failed_seeds=frozenset(run.seed for run in runs if run.status == "failed"),
         unfinished=len(runs) - len(done) - failed - diverged,
         metrics=metrics_of((done or runs)[0]),
         rows=(),

@@ -166,10 +166,14 @@ class Registration:
         return self.alpha_spent[-1]
 
     @property
+    def looks_gone(self) -> int:
+        """How many looks had been seen, the last one whole or in part."""
+        return sum(before < self.seen for before in (0, *self.looks[:-1]))
+
+    @property
     def gone(self) -> float:
         """What is spent by the looks that had been seen, whether it could be used or not."""
-        spent = zip(self.looks, self.alpha_spent, strict=True)
-        return max((alpha for seeds, alpha in spent if seeds <= self.seen), default=0.0)
+        return (0.0, *self.alpha_spent)[self.looks_gone]
 
     def share(self, look: int) -> float:
         """What look number 0, 1, ... may spend at least, whatever was left before it."""

@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 from msgdrop_cli.analysis.claims import judge_claims
 from msgdrop_cli.analysis.next_looks import NextLook, next_looks
+from msgdrop_cli.analysis.sequential import deciding_looks
 from msgdrop_cli.analysis.summary import summarise
 from msgdrop_cli.commands.parts.words import several
 from msgdrop_cli.definition.plan import Plan
@@ -79,3 +80,20 @@ def looks_in_words(looks: Sequence[NextLook], rule: Registration) -> str:
             f" of {', '.join(each.variants)} ({several(each.claims, 'open claim')})"
         )
     return f"auto: {'; '.join(words)}"
+
+
+def too_few_seeds(asked: Plan) -> str:
+    """What seeds 1 to n cannot decide, and how many could; empty if they can decide something.
+
+    Other lists of seeds are pieces of a study, of which more may be there.
+    """
+    rule = asked.definition.registration
+    seeds = {run.spec.seed for run in asked.runs}
+    if rule is None or seeds != {*range(1, len(seeds) + 1)}:
+        return ""
+    games = {claim.environment for claim in asked.claims}
+    firsts = [look for game in games for look in deciding_looks(rule.in_game(game))[:1]]
+    if not firsts or min(firsts) <= len(seeds):
+        return ""
+    enough = f"the first registered look that can decide is at {min(firsts)} (--seeds auto)"
+    return f"none is possible with {several(len(seeds), 'seed')}: {enough}"

@@ -6,7 +6,7 @@ from typing import Any
 from msgdrop_cli.analysis.labels import shared_overrides, with_overrides
 from msgdrop_cli.analysis.next_looks import NextLook
 from msgdrop_cli.analysis.provenance import studies
-from msgdrop_cli.commands.parts.auto_seeds import looks_in_words
+from msgdrop_cli.commands.parts.auto_seeds import looks_in_words, too_few_seeds
 from msgdrop_cli.commands.parts.estimate import Estimate, crowd
 from msgdrop_cli.commands.parts.options import TrainOptions
 from msgdrop_cli.commands.parts.survey import Survey
@@ -44,6 +44,7 @@ def plan_facts(
     through += f": {', '.join(channel.word for channel in asked.channels)}"
     busy = crowd() if options.cluster is None and options.device == "cpu" else None
     workers = several(min(options.workers, len(looked_up.pending)), "worker")
+    undecided = "" if looks else too_few_seeds(asked)
     facts = {
         "title": definition.title,
         "question": definition.question,
@@ -53,6 +54,7 @@ def plan_facts(
         **({"overridden": one_line(", ".join(options.overrides))} if options.overrides else {}),
         "variants": ", ".join(variants),
         "seeds": seeds,
+        **({"verdicts": undecided} if undecided else {}),
         "runs": _runs(looked_up),
         **_published(looked_up, asked),
     }

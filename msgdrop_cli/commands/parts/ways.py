@@ -4,9 +4,9 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
 
-from msgdrop_cli.analysis.next_looks import deciding_looks
 from msgdrop_cli.analysis.prospects import TOO_FEW
 from msgdrop_cli.analysis.reproduction import Answer, Decides, Line, Section
+from msgdrop_cli.analysis.sequential import deciding_looks
 from msgdrop_cli.analysis.verdict import Word
 from msgdrop_cli.commands.parts.answers import Answers, Scale, whole
 from msgdrop_cli.commands.parts.estimate import cohorts
@@ -136,16 +136,16 @@ class _Guide:
     def _asked_for(self, line: Line, rule: Registration) -> tuple[Sequence[str], int | None]:
         """The arms that the claim waits for, and with how many seeds; None if no look is left.
 
-        Of a claim whose look has come and whose family is not whole these are the others' arms.
+        Of a claim that has the seeds of its next look these are the arms of its whole family.
         """
         shown = line.shown
-        family = (line.environment, line.measure)
-        mates = [each for each in self.lines if (each.environment, each.measure) == family]
-        if shown and shown.evidence and any(each.word == "not run" for each in mates):
+        reached = shown.evidence.seeds if shown and shown.evidence else 0
+        looks = [n for n in deciding_looks(rule.in_game(line.environment)) if n > reached]
+        if shown and looks and shown.seeds >= looks[0]:
+            family = (line.environment, line.measure)
+            mates = [each for each in self.lines if (each.environment, each.measure) == family]
             arms = [arm for each in mates for arm in (each.better, each.worse)]
-            return list(dict.fromkeys(arms)), shown.evidence.seeds
-        there = shown.seeds if shown else 0
-        looks = [n for n in deciding_looks(rule.in_game(line.environment)) if n > there]
+            return list(dict.fromkeys(arms)), looks[0]
         return (line.better, line.worse), looks[0] if looks else None
 
     def _first_look(self, line: Line) -> int:
