@@ -23,9 +23,10 @@ another reading could turn a verdict it has a name, and any question can be aske
 msgdrop ablate broken-links --reading capture-once
 ```
 
-Its runs are others than those by default, and are told apart wherever they are shown. This page of
-{count} readings is made of [`readings.toml`](../ablations/msgdrop_ablations/readings.toml) and
-`PAPER.md`, by `python -m docs.readings`.
+Its runs are others than those by default (but for `exploring`, which plays the same policies
+otherwise), and are told apart wherever they are shown. This page of {count} readings is made of
+[`readings.toml`](../ablations/msgdrop_ablations/readings.toml) and `PAPER.md`, by `python -m
+docs.readings`.
 """
 _COLUMNS = ("reading", "the paper says (line)", "by default", "under this reading")
 
@@ -45,7 +46,7 @@ def _table(readings: Mapping[str, Reading]) -> str:
     for name, reading in readings.items():
         [row] = [line for line in paper if line.startswith(f"| {reading.row}")]
         says, by_default = (cell.strip() for cell in re.split(r"(?<!\\)\|", row)[1:3])
-        otherwise = f"{reading.says}: {', '.join(_settings(reading))}"
+        otherwise = ": ".join(filter(None, (reading.says, ", ".join(_settings(reading)))))
         lines.append(_row((f"`{name}`", says, by_default, otherwise)))
     return "\n".join((*lines, ""))
 

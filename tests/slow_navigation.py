@@ -1,6 +1,6 @@
 """Cooperative navigation once more, slowly, in plain Python: the yardstick of `test_navigation.py`.
 
-Written from the rules alone (paper l. 375-382, paper-facts 4.3; where they leave something open
+Written from the rules alone (paper l. 375-382, PAPER.md; where they leave something open
 the docstring of `navigation.py`), one game at a time, agent by agent, in double precision. Speed
 and elegance do not matter here; that each line can be held against a sentence of the rules does.
 """

@@ -49,7 +49,7 @@ def _q(weights: dict[str, Array], own: Array, messages: Array, message_scale: fl
 def test_target_is_the_papers_equation(
     rate: float, kernel: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The TD errors are those of label eq:5, computed in numpy on the same weights and batch.
+    """The TD errors are those of l. 244 and 247, computed in numpy on the same weights and batch.
 
     Every action occurs once in the batch, so h's last bias has the gradient 2 / B * (Q - y) of
     one sample in each place.

@@ -1,6 +1,6 @@
 """Decentralised control with communication: FDC, simple DCC, DCC-MD and its ablations.
 
-One double deep Q-learner for all of them (paper, algorithm 1 and label eq:5): N independent
+One double deep Q-learner for all of them (paper, algorithm 1 and the loss of l. 244): N independent
 networks, each on a minibatch of its own. What tells them apart are values of the Config:
 
 * FDC sees its own observation only (network "own"); simple DCC is rate 0 (l. 263);
@@ -69,7 +69,7 @@ class Config:
     batch_size: int = 32
     """Transitions an agent and update (ours: not in the paper)."""
     loss: Literal["mse", "huber"] = "mse"
-    """Squared error as in label eq:5; Huber with delta 1 as in OpenAI baselines."""
+    """Squared error (paper l. 244); Huber with delta 1 as in OpenAI baselines."""
     max_gradient_norm: float = 0.0
     """Clip each network's gradient to this norm; 0 does not clip (ours)."""
     replay_capacity: int = 200_000
@@ -168,7 +168,7 @@ class DCC:
         return epsilon_greedy(self.q_exec(obs, received), uniforms, self.epsilon(env_steps))
 
     def act_greedily(self, obs: Tensor, received: Heard = None) -> Tensor:
-        """The policy pi: argmax of Q_exec (label eq:policy), [R, E, N]; obs [R, E, N, O]."""
+        """The policy pi: argmax of Q_exec (paper l. 251), [R, E, N]; obs [R, E, N, O]."""
         return self.q_exec(obs, received).argmax(-1)
 
     def q_exec(self, obs: Tensor, received: Heard = None) -> Tensor:
@@ -205,7 +205,7 @@ class DCC:
         return keep if self.config.drops_own else cat((self._keeps_own, keep), 2)
 
     def minimise(self, drawn: Minibatch, by: InputFactors, step: int) -> tuple[Tensor, Tensor]:
-        """Minimise DCC-MD's loss (label eq:5) by one step of Adam.
+        """Minimise DCC-MD's loss (paper l. 244) by one step of Adam.
 
         Returns the losses [G, B] and Q of the online networks [G, 2B, A] before the step.
         """

@@ -15,7 +15,8 @@ class Within(Kind):
     example: ClassVar[tuple[float, ...]] = (5.0,)
     needs_positions: ClassVar[bool] = True
     distance: float
-    """Euclidean, in the game's unit: cells of pursuit, sides of the other games' squares."""
+    """Euclidean, in the game's unit: cells of pursuit, navigation's units (its square has sides of
+    2), sides of waterworld's square."""
 
     def __post_init__(self) -> None:
         if not self.distance >= 0:

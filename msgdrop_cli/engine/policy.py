@@ -1,6 +1,6 @@
 """A trained policy, apart from any training: numpy in, numpy out.
 
-policy = msgdrop_cli.load_policy("results/runs/pursuit-n6/dcc-md-s1-0a902d7b")
+policy = msgdrop_cli.load_policy("results/runs/pursuit-n6/md-0.2-s1-0a902d7b")
 actions = policy.act(observations)
 """
 

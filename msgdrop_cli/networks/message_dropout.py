@@ -20,7 +20,7 @@ class MessageDropout(nn.Module):
     """Drops the messages that agents get in training, and scales them in evaluation (l. 167-250).
 
     It differs from `torch.nn.Dropout` in three ways. Whole messages are dropped, not single numbers
-    (with kind "element" single numbers are, which the paper calls simple dropout). The own
+    (with kind "element" single numbers are, the paper's standard dropout). The own
     observation is never dropped (with `keeps_own=False` it is, the paper's Full MD). And it is the
     paper's dropout, not torch's inverted one: in training what is kept stays as it is, and in
     evaluation nothing is dropped and messages are multiplied by 1 - rate. Networks trained with one

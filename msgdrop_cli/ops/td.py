@@ -10,7 +10,7 @@ from torch.nn.functional import huber_loss, mse_loss
 def double_q_target(
     reward: Tensor, discount: Tensor, next_q_target: Tensor, next_q_select: Tensor
 ) -> Tensor:
-    """The target y of DCC-MD's loss (paper, label eq:5, l. 247).
+    """The target y of DCC-MD's loss (paper, l. 247).
 
     reward, discount: [..., B]; next_q_target, next_q_select: [..., B, A], float32; discount is
     gamma, or 0 at a true end. `next_q_select` is Q_exec of the online network on *unmasked*
