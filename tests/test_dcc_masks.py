@@ -103,6 +103,22 @@ def test_same_mask_for_m_and_next_m(name: str, monkeypatch: pytest.MonkeyPatch) 
     assert first == 0 or (after[..., 0, :] == 1.0).all()
 
 
+@pytest.mark.parametrize("name", ["dcc-md", "dcc-sd", "full-md", "full-sd"])
+@pytest.mark.parametrize("arrives", [1.0, 0.0])
+def test_what_is_dropped_of_the_own_is_scaled_when_acting(
+    name: str, arrives: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """By 1 - rate as the messages are, and no link takes it away (l. 173, 489, 525)."""
+    learner = make_learner(small_config(**{**NAMED[name], "rate": 0.4}))
+    given = _recorded(learner, monkeypatch)
+    received = Received(torch.full((1, 5, AGENTS, AGENTS - 1), arrives))
+    learner.q_exec(torch.ones(1, 5, AGENTS, OBSERVATION), received)
+    blocks = given[0].view(AGENTS, 5, AGENTS, OBSERVATION)
+    own = 0.6 if NAMED[name].get("drops_own") else 1.0
+    torch.testing.assert_close(blocks[:, :, 0].unique(), torch.tensor([own]))
+    torch.testing.assert_close(blocks[:, :, 1:].unique(), torch.tensor([0.6 * arrives]))
+
+
 @pytest.mark.parametrize("dropout", ["message", "element"])
 def test_every_update_draws_a_mask_of_its_own(
     dropout: str, monkeypatch: pytest.MonkeyPatch

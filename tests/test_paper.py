@@ -24,6 +24,7 @@ CITATION = re.compile(rf"\bl\.\s+({SPAN}(?:(?:,|\s+and)\s+{SPAN}\b)*)")
 LAST = 822
 """Lines of `paper.tex`."""
 LINES = {
+    72: "we simply approximate $Q^i(s,a^i)$ with $Q^i(o^i,a^i)",
     92: "centralized critic uses additional information about the policies of other agents",
     149: r"m^i = (m^{i,1},\cdots,m^{i,i-1},m^{i,i+1},\cdots,m^{i,N})",
     150: "Double Deep Q-Network (DDQN)",
@@ -52,6 +53,7 @@ LINES = {
     262: "approximate averaging over the ensemble",
     263: "special cases of the dropout rate $p=0$ and $p=1$",
     273: r"$(\tilde{\mathbf{x}}',\overrightarrow{a'};\theta^{i-}_Q)|_{{a'}^j={\mu'}^j({o'}^j)}$",
+    271: r"\mathcal{L}(\theta^i_Q) = \mathbb{E}",
     274: "the same binary mask is used",
     277: r"\nabla_{a^i} Q_{\mu}^i (\tilde{\mathbf{x}}, \overrightarrow{a}))|_{a^i = \mu^i(o^i)}",
     279: "We refer to MADDPG with message-dropout applied as MADDPG-MD",
@@ -94,6 +96,7 @@ LINES = {
     438: "the number of food target catches averaged over random seeds",
     435: "(independent) DDPG, vanilla MADDPG, MADDPG, and MADDPG-MD",
     439: "MADDPG-MD outperforms both",
+    454: "especially for large $N$ as the dropout rate increases",
     455: "number of evader catches in $500$ time steps",
     456: "learning speed increases as the dropout rate increases",
     457: "where the number of agents is $N=8$",
@@ -125,6 +128,7 @@ LINES = {
     759: r"$4\times N+2$",
     760: "64, 64, 32, 5 units",
     762: r"over $4\times 10^5$ time steps",
+    766: "message input units from other agents",
     768: "decentralized actor in MADDPG is two MLP with 64 hidden units",
     770: "$f$ is 2 MLP with 200 hidden units and produces a 100-dimensional output",
     772: "all agents share the parameter of critic and actors",

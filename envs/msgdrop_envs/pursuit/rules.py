@@ -11,9 +11,8 @@ The rules of one step, in order:
 4. Every pursuer pays `step_penalty`. The game ends when no evader is left.
 
 All evaders start at the centre, every pursuer on a cell of its own draw, one that is free if cells
-are not shared. A pursuer sees a window
-of (2D+1) x (2D+1) cells around itself in three channels: how many *other* pursuers, how many
-evaders, and 1 where the map has ended.
+are not shared. A pursuer sees a window of (2D+1) x (2D+1) cells around itself in three channels:
+how many *other* pursuers, how many evaders, and 1 where the map has ended.
 """
 
 from collections.abc import Mapping

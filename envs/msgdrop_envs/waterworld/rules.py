@@ -15,8 +15,8 @@ still in it. The rules of one step, in order (MADRL's, which the paper extends):
    `action_penalty` x |action|^2. The game never ends by itself.
 
 Pursuers start at rest, everything outside the obstacle. A pursuer sees its position and what its
-sensors read (`sensors.py`). In here coordinates stand first and games last, since that
-is fastest: [2, entities, games].
+sensors read (`sensors.py`). In here coordinates stand first and games last, since that is fastest:
+[2, entities, games].
 """
 
 import math
