@@ -36,7 +36,7 @@ def update_cost(training: Training, left: Shares) -> Cost:
         env.action_size,
     )
     if isinstance(one, DCC):
-        return q_update(one.network.layers, sizes, one.network.hears, left)
+        return q_update(one.network.layers, sizes, one.network.senders, left)
     each = one.config.update_every_env_steps / one.config.actor_update_every_env_steps
     return maddpg_update(one.actor.layers, one.critic.layers, sizes, left, each)
 

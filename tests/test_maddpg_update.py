@@ -161,7 +161,7 @@ def test_update_equals_separate_modules(changes: dict[str, Any], shared: bool) -
         learner.update(in_memory(batch), uniforms)
         for number, run in enumerate(plain):
             keep = torch.ones(AGENTS, SIZE, SENDERS)
-            if learner.critic.hears:
+            if learner.critic.senders:
                 keep = (uniforms[number].view(keep.shape) >= run.rate).float()
             run.update(Batch(*(part[number] for part in batch if part is not None)), keep)
     for run in plain:

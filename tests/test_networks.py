@@ -18,9 +18,9 @@ INPUTS = OBSERVATION * (1 + SENDERS)
 def _fgh() -> Network:
     return FGH(
         *(OBSERVATION, OBSERVATION, SENDERS, ACTIONS),
-        own_units=(9, 8),
-        message_units=10,
-        joint_units=11,
+        f_units=(9, 8),
+        g_units=10,
+        h_units=11,
     )
 
 
@@ -40,7 +40,7 @@ def _stacked(network: Network, seed: int = 1) -> Stacked:
 )
 def test_fgh_has_the_papers_parameters(agents: int, units: int, expected: int) -> None:
     """147-64-48, (N-1)*147-96 (or 128), 144-32-5 (or 176): figure 8's and l. 745-751's sizes."""
-    network = FGH(147, 147, agents - 1, 5, own_units=(64, 48), message_units=units, joint_units=32)
+    network = FGH(147, 147, agents - 1, 5, f_units=(64, 48), g_units=units, h_units=32)
     assert parameter_count(network.layers) == expected
 
 
@@ -93,7 +93,7 @@ def test_of_networks_cuts_out_the_right_networks() -> None:
 
 def test_initial_weights_are_torchs_default() -> None:
     """Uniform between -1/sqrt(inputs) and 1/sqrt(inputs), weights and biases alike."""
-    network = FGH(147, 147, 5, 5, own_units=(64, 48), message_units=96, joint_units=32)
+    network = FGH(147, 147, 5, 5, f_units=(64, 48), g_units=96, h_units=32)
     weights = Stacked(network.layers, 6)
     count = 6 * parameter_count(network.layers)
     initialise(weights, torch.rand(1, count, generator=torch.Generator().manual_seed(4)))

@@ -72,7 +72,11 @@ class Environment(Protocol):
         """
 
     def observe(self, state: Any) -> Tensor:
-        """What each agent sees, [..., N, O]."""
+        """What each agent sees, [..., N, O].
+
+        There may be `places(state)`, too: where the agents are, [..., N, 2] in the game's unit, for
+        channels such as `within`.
+        """
 
 
 class View(Protocol):

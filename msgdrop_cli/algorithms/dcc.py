@@ -73,7 +73,7 @@ class Config:
     max_gradient_norm: float = 0.0
     """Clip each network's gradient to this norm; 0 does not clip (ours)."""
     replay_capacity: int = 200_000
-    """Transitions in each agent's memory (l. 753)."""
+    """Transitions in each agent's memory (l. 753), of all parallel games together."""
     replay_start_env_steps: int = 10_000
     """Env steps before the first update (ours: not in the paper)."""
     update_every_env_steps: int = 4
@@ -90,11 +90,9 @@ class Config:
     def __post_init__(self) -> None:
         check_topology(self.topology)
         encoder_of(self.encoder)
-        shares = ("epsilon_start", "epsilon_final")
+        shares, amounts = ("epsilon_start", "epsilon_final"), ("epsilon_anneal_env_steps",)
         counts = ("target_update_every_updates", "encoder_samples")
-        cohort.check_ranges(
-            self, shares=shares, amounts=("epsilon_anneal_env_steps",), counts=counts
-        )
+        cohort.check_ranges(self, shares=shares, amounts=amounts, counts=counts)
 
 
 NAMED: Mapping[str, Mapping[str, Any]] = {
@@ -134,12 +132,12 @@ class DCC:
         links = cohort.links_heard(shown)
         self.shown_agents, self._links = shown.to(device), links.to(device)  # [N, 1+S], [N, S]
         self._shown_received = cohort.shown_received(links).to(device)
-        rate, hears = torch.tensor([c.rate for c in configs], device="cpu"), network.hears
-        scale = execution_scale(rate, hears, drops_own=config.drops_own).to(device)
+        rate, senders = torch.tensor([c.rate for c in configs], device="cpu"), network.senders
+        scale = execution_scale(rate, senders, drops_own=config.drops_own).to(device)
         self.rate = rate.to(device)  # [R]
         self.scale = scale.repeat_interleave(self._agents, 0)[:, None]  # [G, 1, 1+S, 1]
         unit = max(env.observation_size, self.encoding.width) if config.dropout == "element" else 1
-        self._mask_shape = (self._agents, config.batch_size, hears + config.drops_own, unit)
+        self._mask_shape = (self._agents, config.batch_size, senders + config.drops_own, unit)
         self.init_uniforms = self._agents * parameter_count(network.layers)
         self._keeps_own = scale.new_ones(len(self.scale), config.batch_size, 1, unit)
         self.act_uniforms, self.update_uniforms = 2, math.prod(self._mask_shape)
@@ -188,10 +186,10 @@ class DCC:
 
     def update(self, minibatch: Minibatch, uniforms: Tensor) -> None:
         """Update every agent once, on its own minibatch; uniforms [R, update_uniforms]."""
-        keep = self.binary_mask(uniforms)
-        factors = InputFactors(keep, keep, self.scale).arriving(minibatch, self._links)
+        b = self.binary_mask(uniforms)
+        factors = InputFactors(now=b, after=b, executed=self.scale).arriving(minibatch, self._links)
         self.means.add(*self._computes.minimise(minibatch, factors, self.updates + 1))
-        if self.does_more(self.updates):
+        if self.copies_target(self.updates):
             self.target.flat.copy_(self.online.flat)
         self.updates += 1
 
@@ -265,9 +263,11 @@ class DCC:
         known = cls is DCC and serves(network.layers, *inputs, apart, clips=clips, device=device)
         return NAME if known else cohort.TORCH
 
-    def does_more(self, update: int) -> bool:
-        """Whether the target network is copied at the end of this update, counted from 0."""
+    def copies_target(self, update: int) -> bool:
+        """Whether the target network is updated (l. 223) at the end of this update, from 0."""
         return (update + 1) % self.config.target_update_every_updates == 0
+
+    does_more = copies_target
 
     def metrics(self, env_steps: int) -> list[dict[str, float | None]]:
         """Each run's epsilon now, and the means of loss and Q since the last call (None: none)."""

@@ -33,7 +33,7 @@ from msgdrop_cli.networks.perceptron import Perceptron
 from msgdrop_cli.networks.stacked import Stacked, parameter_count
 from msgdrop_cli.ops.exploration import noisy_action, random_action
 from msgdrop_cli.ops.message_dropout import apply_keep, keep_mask
-from msgdrop_cli.ops.minibatch import Minibatch
+from msgdrop_cli.ops.minibatch import Batch, Minibatch
 from msgdrop_cli.ops.td import td_loss
 from msgdrop_envs.protocol import Environment
 
@@ -71,7 +71,7 @@ class Config:
     noise: float = 0.15
     """Standard deviation of the Gaussian noise on actions (l. 772)."""
     replay_capacity: int = 500_000
-    """Joint transitions in the memory (l. 772)."""
+    """Joint transitions in the memory (l. 772), of all parallel games together."""
     replay_start_env_steps: int = 10_000
     """Env steps of random actions before the first update (ours)."""
     update_every_env_steps: int = 5
@@ -117,7 +117,7 @@ class MADDPG:
         networks = self._runs * self._networks_each
         self.actors = SoftTarget(self.actor.layers, networks, *settings)
         self.critics = SoftTarget(self.critic.layers, networks, *settings)
-        self._senders = senders = self.critic.hears
+        self._senders = senders = self.critic.senders
         heard = all_others(env.agents) if senders else [[]] * env.agents
         self.shown_agents = cohort.shown_agents(heard, device)
         self.rate = torch.tensor([c.rate for c in configs], device=device)  # [R]
@@ -152,24 +152,31 @@ class MADDPG:
         with self.critics.descent() as theta:
             batch = minibatch.copied()
             obs, next_obs = batch.obs.split(self._size, 1)  # [R, B, N, O]
-            seen = self._seen(obs, batch.action, keep)  # x~
-            with torch.no_grad():
-                next_action = self.actions(next_obs, self.actors.target)
-                next_seen = self._seen(next_obs, next_action, keep)  # x~', the same mask
-                next_q = self.critic.forward(self.critics.target, *next_seen)
-                discount = batch.discount[..., None].expand(-1, -1, self._agents)  # [R, B, N]
-                reward, discount = (self._rows(x[..., None]) for x in (batch.reward, discount))
-                y = reward + self.config.gamma * discount * next_q  # [G, rows, 1]
-            q = self.critic.forward(theta, *seen)
+            seen = self._seen(obs, batch.action, keep)  # x~, a
+            y = self._target(batch, next_obs, keep)
+            q = self.critic.forward(theta, *seen)  # Q_mu(x~, a; theta)
             loss = td_loss(q, y, "mse")
             loss.mean((1, 2)).sum().backward()
         if actor_step is not None:
-            own, _, others = seen
-            with self.actors.descent() as theta_mu:  # the policy gradient (l. 277)
-                action = self.actor.forward(theta_mu, own).tanh()  # the others' as replayed
-                q_mu = self.critic.forward(self.critics.online, own, action, others)
-                (-q_mu.mean((1, 2)).sum()).backward()
+            self._improve_actors(*seen)
         return loss.detach(), q.detach()
+
+    def _target(self, batch: Batch, next_obs: Tensor, keep: Tensor) -> Tensor:
+        """Y = r + gamma Q_mu'(x~', mu'(o'); theta-), with the mask of x~ (l. 273-274)."""
+        with torch.no_grad():
+            next_action = self.actions(next_obs, self.actors.target)  # mu'(o')
+            next_seen = self._seen(next_obs, next_action, keep)  # x~', a'
+            next_q = self.critic.forward(self.critics.target, *next_seen)
+            discount = batch.discount[..., None].expand(-1, -1, self._agents)  # [R, B, N]
+            reward, discount = (self._rows(x[..., None]) for x in (batch.reward, discount))
+            return reward + self.config.gamma * discount * next_q  # [G, rows, 1]
+
+    def _improve_actors(self, own: Tensor, _: Tensor, others: Tensor) -> None:
+        """Follow the policy gradient at a = mu(o), the others' actions as replayed (l. 277)."""
+        with self.actors.descent() as theta_mu:
+            action = self.actor.forward(theta_mu, own).tanh()
+            q_mu = self.critic.forward(self.critics.online, own, action, others)
+            (-q_mu.mean((1, 2)).sum()).backward()
 
     def actions(self, obs: Tensor, weights: Stacked | None = None) -> Tensor:
         """Every agent's mu(o), [R, B, N, A], by the online actors or others; obs [R, B, N, O]."""
@@ -204,18 +211,10 @@ class MADDPG:
         config = self.config
         if self.kernel(config, env, device) != NAME:
             return self
-        return MADDPGKernel(
-            self.actors.parts(),
-            self.critics.parts(),
-            agents=self._agents,
-            senders=self._senders,
-            masks_actions=config.masks_actions,
-            batch_size=config.batch_size,
-            learning_rate=config.learning_rate,
-            gamma=config.gamma,
-            tau=config.tau,
-            max_gradient_norm=config.max_gradient_norm,
-        )
+        halves = (self.actors.parts(), self.critics.parts())
+        names = ("masks_actions", "batch_size", "learning_rate", "gamma", "tau")
+        settings = {name: getattr(config, name) for name in (*names, "max_gradient_norm")}
+        return MADDPGKernel(*halves, agents=self._agents, senders=self._senders, **settings)
 
     @classmethod
     def kernel(cls, config: Config, env: Environment, device: torch.device | str) -> str:
@@ -253,14 +252,16 @@ class MADDPG:
         uniforms: [R, update_uniforms]. The actor's first update comes with the critic's first.
         """
         actor_step = self.updates // self._critic_updates_each + 1
-        steps = (self.updates + 1, actor_step if self.does_more(self.updates) else None)
+        steps = (self.updates + 1, actor_step if self.improves_actors(self.updates) else None)
         keep = self.binary_mask(uniforms)
         self.means.add(*self._computes.improve(minibatch, keep, *steps))
         self.updates += 1
 
-    def does_more(self, update: int) -> bool:
-        """Whether the actor improves, too."""
+    def improves_actors(self, update: int) -> bool:
+        """Whether the actors improve, too, every second time (l. 772); update: from 0."""
         return update % self._critic_updates_each == 0
+
+    does_more = improves_actors
 
     def metrics(self, env_steps: int) -> list[dict[str, float | None]]:
         """Each run's means of loss and Q since the last call; None without an update."""

@@ -58,7 +58,7 @@ class Streams:
         rows: [any] int64. The others are passed over, as far as whole words are: where most
         episodes have ended, most numbers are nobody's.
         """
-        each, position = torch.Size(shape).numel(), self.positions.get(name, 0)
+        each, position = torch.Size(shape).numel(), self.positions.get(name, self._first)
         if len(rows) == of or each % 2 or position % 2:
             return self.uniforms(name, of, *shape)[:, rows]
         self.positions[name] = position + of * each

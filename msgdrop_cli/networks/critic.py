@@ -3,7 +3,7 @@
 Letters: `G` networks, `B` rows, `O` observation, `A` numbers of an action, `S` senders.
 """
 
-from typing import Any, Literal, Protocol
+from typing import Literal, Protocol
 
 import torch
 from torch import Tensor
@@ -16,7 +16,7 @@ class Critic(Protocol):
     """A critic's architecture; the weights are held apart, as a Stacked of its layers."""
 
     layers: Layers
-    hears: int
+    senders: int
     """S, the agents whose observations and actions are among its inputs."""
 
     def forward(self, weights: Stacked, own: Tensor, action: Tensor, others: Tensor) -> Tensor:
@@ -32,24 +32,24 @@ class FGHCritic:
         action: int,
         senders: int,
         *,
-        own_units: tuple[int, int],
-        others_units: int,
-        joint_units: int,
+        f_units: tuple[int, int],
+        g_units: int,
+        h_units: int,
     ) -> None:
-        self.hears = senders
-        joint = own_units[1] + (others_units if senders else 0)
+        self.senders = senders
+        joint = f_units[1] + (g_units if senders else 0)
         f: Layers = {
-            "f1": (observation + action, own_units[0]),
-            "f2": (own_units[0] + action, own_units[1]),
+            "f1": (observation + action, f_units[0]),
+            "f2": (f_units[0] + action, f_units[1]),
         }
-        g: Layers = {"g1": (senders * (observation + action), others_units)} if senders else {}
-        self.layers: Layers = {**f, **g, "h1": (joint, joint_units), "h2": (joint_units, 1)}
+        g: Layers = {"g1": (senders * (observation + action), g_units)} if senders else {}
+        self.layers: Layers = {**f, **g, "h1": (joint, h_units), "h2": (h_units, 1)}
 
     def forward(self, weights: Stacked, own: Tensor, action: Tensor, others: Tensor) -> Tensor:
         """The action enters f twice (l. 770); shapes as in `Critic`."""
         f = dense(weights["f1"], torch.cat((own, action), -1)).relu()
         joint = dense(weights["f2"], torch.cat((f, action), -1)).relu()
-        if self.hears:
+        if self.senders:
             joint = torch.cat((joint, dense(weights["g1"], others).relu()), -1)
         return dense(weights["h2"], dense(weights["h1"], joint).relu())
 
@@ -58,7 +58,7 @@ class ConcatCritic:
     """One perceptron on everything: vanilla MADDPG's critic, (o, a, others)-200-100-64-1."""
 
     def __init__(self, observation: int, action: int, senders: int, units: tuple[int, ...]) -> None:
-        self.hears = senders
+        self.senders = senders
         self._perceptron = Perceptron((1 + senders) * (observation + action), senders, units, 1)
         self.layers: Layers = self._perceptron.layers
 
@@ -80,5 +80,6 @@ def critic_of(
     senders = 0 if kind == "own" else agents - 1
     if kind == "concat":
         return ConcatCritic(observation, action, senders, (*f_units, h_units))
-    units: Any = {"own_units": f_units, "others_units": g_units, "joint_units": h_units}
-    return FGHCritic(observation, action, senders, **units)
+    return FGHCritic(
+        observation, action, senders, f_units=f_units, g_units=g_units, h_units=h_units
+    )

@@ -16,18 +16,18 @@ class FGH:
         senders: int,
         actions: int,
         *,
-        own_units: tuple[int, int],
-        message_units: int,
-        joint_units: int,
+        f_units: tuple[int, int],
+        g_units: int,
+        h_units: int,
     ) -> None:
         self._observation = observation
-        self.hears = senders
+        self.senders = senders
         self.layers: Layers = {
-            "f1": (observation, own_units[0]),
-            "f2": own_units,
-            "g1": (senders * message, message_units),
-            "h1": (own_units[1] + message_units, joint_units),
-            "h2": (joint_units, actions),
+            "f1": (observation, f_units[0]),
+            "f2": f_units,
+            "g1": (senders * message, g_units),
+            "h1": (f_units[1] + g_units, h_units),
+            "h2": (h_units, actions),
         }
 
     def forward(self, weights: Stacked, inputs: Tensor) -> Tensor:

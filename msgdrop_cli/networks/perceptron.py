@@ -8,8 +8,8 @@ from msgdrop_cli.networks.stacked import Layers, Stacked, dense
 class Perceptron:
     """inputs-64-48-32-5 in pursuit (FDC l. 750; Concat-MD takes FDC's widths, PAPER.md)."""
 
-    def __init__(self, inputs: int, hears: int, units: tuple[int, ...], outputs: int) -> None:
-        self.hears = hears
+    def __init__(self, inputs: int, senders: int, units: tuple[int, ...], outputs: int) -> None:
+        self.senders = senders
         widths = (inputs, *units, outputs)
         self.layers: Layers = {
             f"layer{n}": (widths[n - 1], widths[n]) for n in range(1, len(widths))

@@ -28,7 +28,7 @@ def q_network(
         return Perceptron(observation + senders * message, senders, units, actions)
     return FGH(
         *(observation, message, senders, actions),
-        own_units=f_units,
-        message_units=g_units,
-        joint_units=h_units,
+        f_units=f_units,
+        g_units=g_units,
+        h_units=h_units,
     )

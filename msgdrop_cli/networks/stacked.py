@@ -68,7 +68,7 @@ class Network(Protocol):
     """An architecture; the weights are held apart, as a Stacked of its layers."""
 
     layers: Layers
-    hears: int
+    senders: int
     """S, the senders whose messages are among its inputs."""
 
     def forward(self, weights: Stacked, inputs: Tensor) -> Tensor:
