@@ -27,18 +27,20 @@ _MOST_TOLD = 20
 """Mistakes of one file: nobody reads more at once."""
 _INTERNAL, _USAGE, _MACHINE, _BROKEN_PIPE = 1, 2, 74, 141
 
-COMMANDS = {
-    **{"ablate": "ablate", "train": "train", "eval": "eval", "unstable-test": "unstable_test"},
-    **{"plot": "plot", "status": "status", "explain": "explain", "config": "config"},
-    **{"publish": "publish", "reproduce": "reproduce", "verify": "verify", "watch": "watch"},
-    **{"replay": "replay", "diff": "diff", "export": "export", "mirror": "mirror"},
-    **{"import": "import_archives", "doctor": "doctor"},
-}
-"""Every command and its file, in the order of the help."""
+_NAMES = """
+    ablate train eval unstable-test plot status explain config publish reproduce verify watch
+    replay diff export mirror import doctor
+"""
+COMMANDS = {name: name.replace("-", "_") for name in _NAMES.split()} | {"import": "import_archives"}
+"""Every command and its file, in the order of the help; `import` is a word of Python."""
 
 _LACKS = (
-    *("annot allocate memory", "an't allocate memory", "failed to map segment"),
-    *("bad_alloc", "can't start new thread", "error return without exception set"),
+    "annot allocate memory",
+    "an't allocate memory",
+    "failed to map segment",
+    "bad_alloc",
+    "can't start new thread",
+    "error return without exception set",
 )
 """What libraries and Python say for want of memory where it is no MemoryError."""
 

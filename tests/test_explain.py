@@ -12,8 +12,8 @@ from msgdrop_cli.analysis.verdict import Word
 from msgdrop_cli.app import COMMANDS
 from msgdrop_cli.commands import explain
 from msgdrop_cli.commands.parts import console
-from msgdrop_cli.commands.parts.question_keys import question_keys
 from msgdrop_cli.commands.parts.topics import topics
+from msgdrop_cli.commands.parts.topics.question_keys import question_keys
 from msgdrop_cli.definition.figures import all_figures
 from msgdrop_cli.definition.load import list_definitions, load_definition
 from msgdrop_cli.definition.pages import METRICS, page, rows

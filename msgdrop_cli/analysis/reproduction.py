@@ -105,9 +105,7 @@ class Line:
     @property
     def shown(self) -> Reading | None:
         """The reading whose numbers stand for the claim."""
-        if self.told_by is not None:
-            return self.readings[self.told_by]
-        return self.readings[0] if self.readings else None
+        return self.readings[self.told_by or 0] if self.readings else None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -6,8 +6,8 @@ from typing import Annotated
 import typer
 
 from msgdrop_cli.commands.parts import completion, console, options
-from msgdrop_cli.commands.parts.topic import Topic, spelled
 from msgdrop_cli.commands.parts.topics import topics
+from msgdrop_cli.commands.parts.topics.topic import Topic, spelled
 from msgdrop_cli.errors import DefinitionError, near
 
 app = typer.Typer()

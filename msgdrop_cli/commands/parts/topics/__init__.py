@@ -9,12 +9,12 @@ from itertools import chain
 from typing import NamedTuple
 
 from msgdrop_cli.commands.parts import sources, vocabulary
-from msgdrop_cli.commands.parts.asked_topics import asked_topics
-from msgdrop_cli.commands.parts.question_keys import Key, question_file, question_keys
 from msgdrop_cli.commands.parts.sources import Module, notation
-from msgdrop_cli.commands.parts.topic import Fact, Topic, sentence
+from msgdrop_cli.commands.parts.topics.asked import asked_topics
+from msgdrop_cli.commands.parts.topics.question_keys import Key, question_file, question_keys
+from msgdrop_cli.commands.parts.topics.topic import Fact, Topic, sentence
+from msgdrop_cli.commands.parts.topics.words import command_topics, word_topics
 from msgdrop_cli.commands.parts.vocabulary import Section
-from msgdrop_cli.commands.parts.word_topics import command_topics, word_topics
 from msgdrop_cli.definition.channel import LINKS, NAMED, WORDS, Channel
 from msgdrop_cli.definition.pages import METRICS, page, rows
 from msgdrop_cli.definition.shipped import PAPER, shipped_file

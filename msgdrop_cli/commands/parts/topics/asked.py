@@ -7,9 +7,9 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from msgdrop_cli.commands.parts import sources
-from msgdrop_cli.commands.parts.question_keys import Key
 from msgdrop_cli.commands.parts.sources import notation
-from msgdrop_cli.commands.parts.topic import Fact, Topic, sentence
+from msgdrop_cli.commands.parts.topics.question_keys import Key
+from msgdrop_cli.commands.parts.topics.topic import Fact, Topic, sentence
 from msgdrop_cli.definition.figures import Figure, all_figures, part_of
 from msgdrop_cli.definition.load import list_definitions, load_definition
 from msgdrop_cli.definition.overrides import SECTIONS

@@ -7,7 +7,7 @@ import re
 from collections.abc import Iterator
 
 from msgdrop_cli.commands.parts import sources
-from msgdrop_cli.commands.parts.topic import Topic, sentence
+from msgdrop_cli.commands.parts.topics.topic import Topic, sentence
 from msgdrop_cli.definition.pages import VERDICTS, page
 
 _COMMAND = re.compile(r"`msgdrop ([a-z-]+)[^`]*`: (.*)")
