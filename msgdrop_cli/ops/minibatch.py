@@ -82,21 +82,28 @@ class Minibatch:
         now, after = (heard > 0).float().flatten(0, 1).chunk(2, 1)
         return now, after
 
+    def _run(self) -> Tensor:
+        """The number of each run, to be added to `rows`: [R, 1, 1], joint [R, 1]."""
+        run = torch.arange(len(self.rows), device=self.rows.device)
+        return run.view(-1, *[1] * (self.rows.dim() - 1))
+
+    def _drawn(self) -> Tensor:
+        """The drawn rows, counted through all memories, as `take` does: [R, N, B], joint [R, B]."""
+        return self._run() * self.discount.shape[1] + self.rows
+
     def _obs_rows(self) -> Tensor:
-        """The rows of the drawn observations and of the next ones in all memories: [R, N, 2B]."""
-        run = torch.arange(len(self.rows), device=self.rows.device)[:, None, None]
-        taken = run * self.discount.shape[1] + self.rows  # `take` reads flat memories
-        return torch.cat((self.rows, self.next_row.take(taken)), -1) + run * self.obs.shape[1]
+        """The same of the observations, then of the next ones: [R, N, 2B], joint [R, 2B]."""
+        rows = torch.cat((self.rows, self.next_row.take(self._drawn())), -1)
+        return rows + self._run() * self.obs.shape[1]
 
     def copied(self) -> Batch:
         """The numbers themselves, network by network."""
         return self._joint_batch() if self.rows.dim() == 2 else self._batch()
 
     def _batch(self) -> Batch:
-        runs, agents, _ = self.rows.shape
-        run = torch.arange(runs, device=self.rows.device)[:, None, None]
+        agents = self.rows.shape[1]
         agent = torch.arange(agents, device=self.rows.device)[:, None]
-        taken = run * self.discount.shape[1] + self.rows  # [R, N, B], `take` reads flat memories
+        taken = self._drawn()
         blocks = self._obs_rows()[..., None] * self.obs.shape[2] + self.shown[:, None]
         # [R, N, 2B, 1+S]
         own = torch.add(agent, taken, alpha=agents)
@@ -109,12 +116,10 @@ class Minibatch:
         )
 
     def _joint_batch(self) -> Batch:
-        run = torch.arange(len(self.rows), device=self.rows.device)[:, None]
-        taken = run * self.discount.shape[1] + self.rows  # [R, B]
-        both = torch.cat((self.rows, self.next_row.take(taken)), -1) + run * self.obs.shape[1]
+        taken = self._drawn()
         action = self.action.flatten(0, 1)[taken]
         return Batch(
-            obs=self.obs.flatten(0, 1)[both],
+            obs=self.obs.flatten(0, 1)[self._obs_rows()],
             action=action if action.is_floating_point() else action.long(),
             reward=self.reward.flatten(0, 1)[taken],
             discount=self.discount.take(taken),
