@@ -7,13 +7,14 @@ from typing import Any
 import pytest
 import torch
 
-from msgdrop_cli.algorithms.cohort import links_heard, shown_agents
+from msgdrop_cli.algorithms.cohort import shown_agents
 from msgdrop_cli.algorithms.dcc import DCC, Config
 from msgdrop_cli.definition.channel import Channel
 from msgdrop_cli.engine.evaluation import evaluate
 from msgdrop_cli.engine.run import train_cohort
 from msgdrop_cli.messages.received import Received
 from msgdrop_cli.messages.topologies import senders, topologies
+from msgdrop_cli.ops.minibatch import links_heard
 from tests.dcc_samples import KERNELS, OBSERVATION, integers, rand, small_config, use_kernel
 from tests.runs import planned
 

@@ -55,16 +55,6 @@ def shown_agents(heard: Senders, device: torch.device | str) -> Tensor:
     return torch.tensor([[i, *senders] for i, senders in enumerate(heard)], device=device)
 
 
-def links_heard(shown: Tensor) -> Tensor:
-    """Where the senders of shown [N, 1+S] stand among all others of an agent, [N, S] int64.
-
-    A keep mask has a column for each other agent in increasing order: agent j's is j, or j - 1 for
-    those whose number is lower.
-    """
-    own, heard = shown[:, :1], shown[:, 1:]
-    return heard - (heard > own).long()
-
-
 def shown_received(links: Tensor) -> Tensor:
     """As `shown_agents`, but of N observations followed by N*(N-1) messages: [N, 1+S] int64.
 

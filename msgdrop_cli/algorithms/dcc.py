@@ -33,7 +33,7 @@ from msgdrop_cli.networks.q_network import q_network
 from msgdrop_cli.networks.stacked import Network, Stacked, initialise, parameter_count
 from msgdrop_cli.ops.exploration import annealed_epsilon, epsilon_greedy
 from msgdrop_cli.ops.message_dropout import InputFactors, execution_scale, inputs_of, keep_mask
-from msgdrop_cli.ops.minibatch import Blocks, Minibatch, seen_in_games
+from msgdrop_cli.ops.minibatch import Blocks, Minibatch, links_heard, seen_in_games
 from msgdrop_cli.ops.td import double_q_target, td_loss
 from msgdrop_envs.protocol import Environment
 
@@ -129,7 +129,7 @@ class DCC:
         self.adam = Adam(self.online, **rates, device=device)
         self._parts = {"online": self.online, "target": self.target, **self.adam.moments}
         shown = cohort.shown_agents(heard(config, env.agents), "cpu")  # meta cannot reckon
-        links = cohort.links_heard(shown)
+        links = links_heard(shown)
         self.shown_agents, self._links = shown.to(device), links.to(device)  # [N, 1+S], [N, S]
         self._shown_received = cohort.shown_received(links).to(device)
         rate, senders = torch.tensor([c.rate for c in configs], device="cpu"), network.senders

@@ -10,7 +10,7 @@ from dataclasses import replace
 import torch
 from torch import Tensor
 
-from msgdrop_cli.ops.minibatch import Minibatch
+from msgdrop_cli.ops.minibatch import Minibatch, links_heard
 
 
 def rows_said_in(
@@ -45,8 +45,7 @@ def with_late_messages(drawn: Minibatch, slots: int, games: int) -> Minibatch:
     """
     (runs, agents, size), shown, arrives = drawn.rows.shape, drawn.shown, drawn.arrives
     assert arrives is not None
-    agent = torch.arange(agents, device=shown.device)[:, None]
-    heard = shown[:, 1:] - (shown[:, 1:] > agent).long()  # [N, S], among all others
+    heard = links_heard(shown)  # [N, S], among all others
 
     def of_rows(memory: Tensor) -> Tensor:  # of transitions: [R, N*B, ...]
         run = torch.arange(runs, device=shown.device)[:, None]

@@ -126,6 +126,16 @@ class Minibatch:
         )
 
 
+def links_heard(shown: Tensor) -> Tensor:
+    """Where the senders of shown [N, 1+S] stand among all others of an agent, [N, S] int64.
+
+    A keep mask has a column for each other agent in increasing order: agent j's is j, or j - 1 for
+    those whose number is lower.
+    """
+    own, heard = shown[:, :1], shown[:, 1:]
+    return heard - (heard > own).long()
+
+
 def seen_in_games(obs: Tensor, messages: Tensor | None, shown: Tensor) -> Blocks:
     """What each network sees in E games; obs [R, E, N, O], messages [R, E, N, M] or None."""
     if messages is None:
