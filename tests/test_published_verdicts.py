@@ -49,6 +49,22 @@ def test_whole_messages_beat_elements_after_training_only() -> None:
     assert [each.verdict for each in learning] == ["undecided"] * 3
 
 
+def test_the_own_observation_should_be_kept() -> None:
+    """Figure 5 a at ten seeds: whoever drops it learns slower; faster than DCC is nobody surely."""
+    learning = verdicts("own-observation-two-million", "learning")
+    found = {(v.claim.better, v.claim.worse): v.verdict for v in learning}
+    assert {pair for pair, word in found.items() if word == "supported"} == {
+        ("md-0.2", "full-md-0.2"),
+        ("dcc", "full-md-0.2"),
+        ("dcc", "full-sd-0.2"),
+        ("sd-0.2", "full-sd-0.2"),
+    }
+    assert Counter(found.values()) == {"supported": 4, "undecided": 3}
+    after = verdicts("own-observation-two-million", "evaluation")
+    assert [each.verdict for each in after] == ["supported"] * 3
+    assert sorted(1024 * each.evidence.p for each in after if each.evidence) == [2, 2, 6]
+
+
 def test_navigation_in_training_and_after() -> None:
     """In training seven of eight comparisons are the paper's and one is not; after it none is."""
     learning = verdicts("navigation-million-nearest", "learning")
