@@ -67,7 +67,7 @@ def backward(layers: Layers) -> int:
 
 
 def q_update(layers: Layers, sizes: Sizes, senders: int, shares: Shares) -> Cost:
-    """One update of N Q-networks, each on a minibatch of its own (paper, label eq:5).
+    """One update of N Q-networks, each on a minibatch of its own (paper l. 244).
 
     The online network sees (o, m~) and, unmasked, (o', m'); the target network sees (o', m~');
     then come the gradient of the weights, whose products are those of a pass on (o, m~), and that

@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -205,6 +206,17 @@ def test_a_plan_that_can_decide_nothing_says_so(
     """The paper's seven seeds are hours and no verdict; a piece of a study is not told so."""
     made = plan(load_definition(question), profile, catalogue(), seeds=seeds)
     assert too_few_seeds(made) == said
+
+
+def test_of_two_games_the_one_that_can_decide_nothing_is_named() -> None:
+    """Here of N = 6 six seeds had been seen, and of N = 8 all looks."""
+    question = load_definition("broken-links")
+    assert question.registration
+    seen = replace(question.registration, seen_in={"pursuit-n8": 20})
+    made = plan(replace(question, registration=seen), "paper", catalogue(), seeds=range(1, 11))
+    assert too_few_seeds(made) == (
+        "none is possible with 10 seeds on pursuit-n8: no registered look can decide anything"
+    )
 
 
 def test_where_nothing_is_registered_nothing_is_said(tmp_path: Path) -> None:

@@ -11,7 +11,7 @@ from msgdrop_cli.definition.load import load_definition
 from msgdrop_cli.definition.registration import registered_as
 from msgdrop_cli.definition.spec import Registration
 from tests.claims import AT_SIX, CLAIM, HIGH, LOW, arms, asking, verdict_on
-from tests.fake_runs import write_arm
+from tests.fake_runs import write_arm, write_run
 
 
 @pytest.mark.parametrize(
@@ -55,6 +55,33 @@ def test_what_was_seen_in_another_game_takes_nothing(tmp_path: Path) -> None:
     assert "that alpha is gone" in here.reason
     assert "gone" not in there.reason
     assert f"before {registered_as(asking(CLAIM), 'pursuit-n6')} was registered" in there.reason
+
+
+def test_a_claim_that_cannot_be_judged_holds_up_no_other(tmp_path: Path) -> None:
+    """Both of its arms broke down: no more seeds would ever make that family whole."""
+    other = replace(CLAIM, better="md-0.5", worse="fdc")
+    records = arms(tmp_path, HIGH, LOW)
+    records += [
+        write_run(tmp_path, arm, seed, status="diverged")
+        for arm in ("md-0.5", "fdc")
+        for seed in range(1, 7)
+    ]
+    found = judge_claims([CLAIM, other], summarise(records), asking(CLAIM, other))
+    assert [each.verdict for each in found] == ["supported", "undecided"]
+    assert found[1].reason == "all runs of md-0.5 and fdc broke down"
+
+
+def test_the_look_of_its_own_is_told_where_the_sign_is_from(tmp_path: Path) -> None:
+    """A set with another claim crossed later, when the mean of the first had turned."""
+    rule = Registration(looks=(6, 10), alpha_spent=(0.04, 0.1))
+    turned, other = [3] * 6 + [-8] * 4, [3] * 5 + [-3] + [50] * 4
+    base = [50] * 10
+    records = arms(tmp_path, [b + d for b, d in zip(base, turned, strict=True)], base)
+    records += write_arm(tmp_path, "fdc", [b + d for b, d in zip(base, other, strict=True)])
+    claims = [CLAIM, replace(CLAIM, better="fdc", worse="dcc")]
+    first, _ = judge_claims(claims, summarise(records), replace(asking(*claims), registration=rule))
+    assert (first.verdict, first.difference) == ("supported", pytest.approx(-1.4))
+    assert "by itself it crossed at look 1" in first.reason
 
 
 @pytest.mark.parametrize(

@@ -209,6 +209,17 @@ def test_what_diverged_here_is_not_made_good_by_what_is_published(clone: Path) -
     assert ("dcc", 1) not in {(run.variant, run.seed) for run in list_runs(stands)}
 
 
+def test_a_list_that_leads_nowhere_stops_nobody_else(clone: Path) -> None:
+    """The study itself is told to be damaged; of the folder the others are shown, with a note."""
+    has, stands = studies(clone)
+    shutil.rmtree(has)
+    assert msgdrop("status", stands).code == 2
+    said = msgdrop("status", clone / "results" / "published", "--json")
+    assert said.code == 0
+    assert {run["variant"] for run in json.loads(said.out)} == {"fdc"}
+    assert "what other-quick names: " in said.err
+
+
 def test_what_diverged_here_and_is_published_is_told(clone: Path) -> None:
     """One of the two is wrong, and which one is for somebody to find out."""
     has, _ = studies(clone)
@@ -217,10 +228,11 @@ def test_what_diverged_here_and_is_published_is_told(clone: Path) -> None:
     shutil.copytree(published, own)
     record = json.loads((own / "run.json").read_text()) | {"status": "diverged"}
     (own / "run.json").write_text(json.dumps(record))
-    said = publish(clone, "tiny")
-    assert said.code == 2
-    assert "diverged, and " in said.err
-    assert "it is published as done: remove the copy that is wrong" in said.err
+    for question in ("tiny", "other"):  # that has it, and that names it
+        said = publish(clone, question)
+        assert said.code == 2
+        assert "diverged, and " in said.err
+        assert "it is published as done: remove the copy that is wrong" in said.err
 
 
 @pytest.mark.parametrize(

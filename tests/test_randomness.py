@@ -201,15 +201,16 @@ def test_loaded_numbers_are_the_same_at_the_same_place(before: int) -> None:
 
 @pytest.mark.parametrize("each", [6, 5])
 @pytest.mark.parametrize("first", [0, 3])
+@pytest.mark.parametrize("begin", [0, 40])
 @pytest.mark.parametrize("kernel", ["", "torch"])
 def test_some_rows_are_those_of_all(
-    each: int, first: int, kernel: str, monkeypatch: pytest.MonkeyPatch
+    each: int, first: int, begin: int, kernel: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The same numbers, and the same that come next, wherever the stream stands."""
+    """The same numbers, and the same that come next, wherever the stream begins and stands."""
     use_kernel(kernel, monkeypatch)
-    some, whole = Streams([1, 2]), Streams([1, 2])
+    some, whole = Streams([1, 2], first=begin), Streams([1, 2], first=begin)
     rows = torch.tensor([7, 0, 4])
-    for streams in (some, whole):
+    for streams in (some, whole) if first else ():
         streams.uniforms("noise", first)
     for _ in range(3):
         expected = whole.uniforms("noise", 9, each)[:, rows]

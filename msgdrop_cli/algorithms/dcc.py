@@ -189,7 +189,7 @@ class DCC:
         b = self.binary_mask(uniforms)
         factors = InputFactors(now=b, after=b, executed=self.scale).arriving(minibatch, self._links)
         self.means.add(*self._computes.minimise(minibatch, factors, self.updates + 1))
-        if self.copies_target(self.updates):
+        if self.does_more(self.updates):  # update the target network (l. 223)
             self.target.flat.copy_(self.online.flat)
         self.updates += 1
 
@@ -263,11 +263,9 @@ class DCC:
         known = cls is DCC and serves(network.layers, *inputs, apart, clips=clips, device=device)
         return NAME if known else cohort.TORCH
 
-    def copies_target(self, update: int) -> bool:
+    def does_more(self, update: int) -> bool:
         """Whether the target network is updated (l. 223) at the end of this update, from 0."""
         return (update + 1) % self.config.target_update_every_updates == 0
-
-    does_more = copies_target
 
     def metrics(self, env_steps: int) -> list[dict[str, float | None]]:
         """Each run's epsilon now, and the means of loss and Q since the last call (None: none)."""

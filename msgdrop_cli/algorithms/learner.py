@@ -74,10 +74,7 @@ class Learner(Protocol):
         """Learn from one minibatch, or one for each network; uniforms [R, update_uniforms]."""
 
     def does_more(self, update: int) -> bool:
-        """Whether update number `update`, from 0, does what only some do, such as a copy.
-
-        For chunks of steps that are recorded; a learner calls its rule by a name of its own.
-        """
+        """Whether update number `update`, from 0, does what only some do, such as a copy."""
 
     def metrics(self, env_steps: int) -> list[dict[str, float | None]]:
         """Each run's means since the last call; not a number where the run diverged."""

@@ -252,16 +252,14 @@ class MADDPG:
         uniforms: [R, update_uniforms]. The actor's first update comes with the critic's first.
         """
         actor_step = self.updates // self._critic_updates_each + 1
-        steps = (self.updates + 1, actor_step if self.improves_actors(self.updates) else None)
+        steps = (self.updates + 1, actor_step if self.does_more(self.updates) else None)
         keep = self.binary_mask(uniforms)
         self.means.add(*self._computes.improve(minibatch, keep, *steps))
         self.updates += 1
 
-    def improves_actors(self, update: int) -> bool:
+    def does_more(self, update: int) -> bool:
         """Whether the actors improve, too, every second time (l. 772); update: from 0."""
         return update % self._critic_updates_each == 0
-
-    does_more = improves_actors
 
     def metrics(self, env_steps: int) -> list[dict[str, float | None]]:
         """Each run's means of loss and Q since the last call; None without an update."""

@@ -26,6 +26,7 @@ def judge_claims(
     """
     verdicts: dict[tuple[int, Group | None], Verdict] = {}
     families: dict[tuple[Group, tuple[str, str]], dict[int, Pair]] = {}
+    lacking: Counter[tuple[Group, tuple[str, str]]] = Counter()
     for number, claim in enumerate(claims):
         groups = _groups_of(claim, summary)
         if not groups:
@@ -37,16 +38,16 @@ def judge_claims(
                 verdicts[number, group] = Verdict(
                     claim=claim, verdict=pair.word, reason=pair.reason, group=group
                 )
+                lacking[group, claim.family] += pair.word == "not run"  # and may be, one day
             else:
                 families.setdefault((group, claim.family), {})[number] = pair
     rule = definition.registration
     for (group, family), pairs in families.items():
         name = registered_as(definition, group.environment)
-        judged = judge_family([*pairs.values()], rule and rule.in_game(group.environment))
-        asked = sum((c.environment, c.family) == (group.environment, family) for c in claims)
+        known = rule and rule.in_game(group.environment)
+        judged = judge_family([*pairs.values()], known, lacking[group, family])
         for (number, pair), verdict in zip(pairs.items(), judged, strict=True):
-            told = _with_registrations(verdict, pair, name)
-            verdicts[number, group] = _withheld(told, asked - len(pairs), asked)
+            verdicts[number, group] = _with_registrations(verdict, pair, name)
     return [verdicts[key] for key in sorted(verdicts, key=lambda key: (key[0], key[1] or ()))]
 
 
@@ -57,15 +58,6 @@ def _groups_of(claim: Claim, summary: Summary) -> list[Group]:
         if group.environment == claim.environment
         and any(arm.variant in (claim.better, claim.worse) for arm in summary.arms_of(group))
     ]
-
-
-def _withheld(verdict: Verdict, missing: int, asked: int) -> Verdict:
-    """The verdict once its family is whole; before, what was seen of a part would count twice."""
-    if not missing or verdict.evidence is None:
-        return verdict
-    count = f"{missing} of the {asked} claims of its family, which are judged together,"
-    reason = f"{count} are not run yet; {verdict.reason}"
-    return replace(verdict, verdict="undecided", reason=reason, evidence=None)
 
 
 def _with_registrations(verdict: Verdict, pair: Pair, name: str | None) -> Verdict:

@@ -23,32 +23,56 @@ from msgdrop_cli.definition.spec import Registration
 _NOT_REGISTERED = "the question has no [registration] of looks and alpha"
 
 
-def judge_family(pairs: Sequence[Pair], rule: Registration | None) -> list[Verdict]:
-    """One verdict for each pair of arms, in their order; without a registration an estimate."""
+def judge_family(
+    pairs: Sequence[Pair], rule: Registration | None, lacking: int = 0
+) -> list[Verdict]:
+    """One verdict for each pair of arms, in their order; without a registration an estimate.
+
+    lacking: claims of the family that are not run yet, which any look waits for.
+    """
     if rule is None:
         return [_estimate(pair) for pair in pairs]
     flips = flips_of([pair.first for pair in pairs], rule)
+    if lacking and flips:
+        return _withheld(pairs, flips, rule, lacking)
     when = decided(flips, rule) or [None] * len(pairs)
     found = [_evidence(each, number, rule) for number, each in enumerate(flips)]
     verdicts = []
     for number, (pair, look) in enumerate(zip(pairs, when, strict=True)):
         word: Word = "undecided"
         reached = len(flips) if look is None else look
+        told: list[str] = []
         if (level := _level_at(pair, reached, rule, len(pairs))) is not None:
             word, look = "level", level
         elif look is not None:
-            seeds = rule.looks[speaks_at(number, flips, rule)]
-            word = "supported" if mean(pair.first[:seeds]) > 0.0 else "contradicted"
+            spoke = speaks_at(number, flips, rule)
+            word = "supported" if mean(pair.first[: rule.looks[spoke]]) > 0.0 else "contradicted"
+            told = [f"by itself it crossed at look {spoke + 1}"] if spoke < look else []
         elif reached:
             look = reached - 1
         evidence = None if look is None else found[look][number]
         ahead = prospect(pair, reached, rule, len(pairs)) if word == "undecided" else None
         stopped = anytime(pair.first, rule.sides)
-        told = _said_at(pair, reached, rule, ahead) if word == "undecided" else []
+        told += _said_at(pair, reached, rule, ahead) if word == "undecided" else []
         reason = "; ".join(_reasons(pair, word, evidence, rule, told, stopped))
         unforeseen = no_forecast(pair, rule) if word == "undecided" and not ahead else ""
         verdict = _verdict(pair, word, reason, stopped, evidence, ahead)
         verdicts.append(replace(verdict, unforeseen=unforeseen))
+    return verdicts
+
+
+def _withheld(
+    pairs: Sequence[Pair], flips: Sequence[Flipped], rule: Registration, lacking: int
+) -> list[Verdict]:
+    """What a look says of a part of the family: no verdict, or these claims would have two."""
+    count = f"{lacking} of the {lacking + len(pairs)} claims of its family, which are judged"
+    waits = f"{count} together, are not run yet"
+    verdicts = []
+    for pair, evidence in zip(pairs, _evidence(flips[-1], len(flips) - 1, rule), strict=True):
+        stopped = anytime(pair.first, rule.sides)
+        reasons = [waits, *_reasons(pair, "undecided", evidence, rule, [], stopped)]
+        verdict = _verdict(pair, "undecided", "; ".join(reasons), stopped)
+        verdicts.append(replace(verdict, unforeseen="its family is not whole"))
     return verdicts
 
 

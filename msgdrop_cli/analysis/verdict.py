@@ -64,7 +64,7 @@ class Verdict:
     lost: int = 0
     """Of these with a run that failed or diverged, and so has the worst value."""
     evidence: Evidence | None = None
-    """At the look that decided it, or else the last one; None before the first."""
+    """At the look that decided it, or else the last one; None before the family's first."""
     anytime: Anytime | None = None
     """What holds of seeds 1 to n whoever stopped there; it decides nothing. None without any."""
     prospect: Prospect | None = None

@@ -100,9 +100,12 @@ def _runs(asked: Plan, results: Path, study: Path) -> _Runs:
     for run in asked.runs:
         [*best] = preferred(copies.get(run.run_id, ()))[:1]
         own = best[0] if best and best[0].is_own and best[0].status in ENDED else None
+        published = kept.get(run.run_id) or named.get(run.run_id)
+        if published and own:
+            _refuse_diverged(own, published)
         if run.run_id in kept:
             if own:
-                here[run.run_id] = as_planned(_in_place_of(kept[run.run_id], own), run)
+                here[run.run_id] = as_planned(own, run)
         elif lies := [each for each in preferred(beside.get(run.run_id, ())) if _alike(each, own)]:
             named[run.run_id] = as_planned(lies[0], run)
         elif best and best[0].status == "done":
@@ -121,12 +124,11 @@ def _alike(published: RunRecord, own: RunRecord | None) -> bool:
     )
 
 
-def _in_place_of(published: RunRecord, own: RunRecord) -> RunRecord:
-    """The own copy; RecordError if it diverged, which one of the two has to be wrong about."""
+def _refuse_diverged(own: RunRecord, published: RunRecord) -> None:
+    """RecordError if it diverged here, which one of the two has to be wrong about."""
     if own.status != "done":
         problem = f"it is published as {published.status}: remove the copy that is wrong"
         raise RecordError(f"{own.path}: {own.status}, and {published.path}: {problem}")
-    return own
 
 
 def _keep_question(definition: Definition, folder: Path) -> None:

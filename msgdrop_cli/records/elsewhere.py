@@ -69,19 +69,28 @@ def keep_elsewhere(study: Path, records: Sequence[RunRecord]) -> list[Path]:
 def runs_of(root: Path) -> Listing:
     """What `look_through` finds, and then what each study there names, once more by its names.
 
-    Raises RecordError as it does, but not for a study that has no run of its own.
+    A study whose list is damaged is passed over where others are asked for, too. Raises RecordError
+    as `look_through` does, but not for a study that has no run of its own.
     """
-    elsewhere = [record for study in studies_in(root) for record in read_elsewhere(study)]
+    elsewhere, passed_over = list[RunRecord](), list[str]()
+    for study in studies_in(root):
+        try:
+            elsewhere += read_elsewhere(study)
+        except RecordError as error:
+            if study == root:
+                raise
+            passed_over.append(f"what {study.name} names: {error}")
     if elsewhere and not run_folders(root).runs:
-        return Listing(elsewhere, "")
+        return Listing(elsewhere, "; ".join(passed_over))
     here = look_through(root)
-    return Listing([*here.records, *elsewhere], here.passed_over)
+    told = filter(None, (here.passed_over, *passed_over))
+    return Listing([*here.records, *elsewhere], "; ".join(told))
 
 
 def studies_in(root: Path) -> list[Path]:
     """The folders that name runs: one study, or those that a results folder holds; by no link.
 
-    Raises RecordError if `root` cannot be read.
+    Raises RecordError if `root`, or what is published in it, cannot be read.
     """
     published = root / PUBLISHED
     inside = [*listed(root), *([] if published.is_symlink() else listed(published))]
@@ -128,7 +137,8 @@ def _can_be_named(inside: PurePath) -> bool:
 
 def _record(studies: Path, entry: _Entry, path: Path) -> RunRecord:
     folder = studies / entry.folder
-    found = list_runs(folder) if (folder / RUN).is_file() else []
+    lies = folder.resolve() == folder and (folder / RUN).is_file()  # behind no link
+    found = list_runs(folder) if lies else []
     if [record.run_id for record in found] != [entry.run_id]:
         raise RecordError(
             f"{path}: run {entry.run_id} is not in {folder}; put it back, or remove this file and"

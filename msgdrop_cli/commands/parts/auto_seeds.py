@@ -91,9 +91,16 @@ def too_few_seeds(asked: Plan) -> str:
     seeds = {run.spec.seed for run in asked.runs}
     if rule is None or seeds != {*range(1, len(seeds) + 1)}:
         return ""
-    games = {claim.environment for claim in asked.claims}
-    firsts = [look for game in games for look in deciding_looks(rule.in_game(game))[:1]]
-    if not firsts or min(firsts) <= len(seeds):
-        return ""
-    enough = f"the first registered look that can decide is at {min(firsts)} (--seeds auto)"
-    return f"none is possible with {several(len(seeds), 'seed')}: {enough}"
+    told: dict[str, list[str]] = {}
+    games = dict.fromkeys(claim.environment for claim in asked.claims)
+    for game in games:
+        looks = deciding_looks(rule.in_game(game))
+        if not looks:
+            told.setdefault("no registered look can decide anything", []).append(game)
+        elif looks[0] > len(seeds):
+            first = f"the first registered look that can decide is at {looks[0]} (--seeds auto)"
+            told.setdefault(first, []).append(game)
+    none = f"none is possible with {several(len(seeds), 'seed')}"
+    alike = [*told.values()] == [[*games]]
+    places = {why: "" if alike else f" on {', '.join(on)}" for why, on in told.items()}
+    return "; ".join(f"{none}{place}: {why}" for why, place in places.items())

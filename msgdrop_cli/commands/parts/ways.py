@@ -3,6 +3,7 @@
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import NamedTuple
 
 from msgdrop_cli.analysis.prospects import TOO_FEW
 from msgdrop_cli.analysis.reproduction import Answer, Decides, Line, Section
@@ -19,8 +20,19 @@ from msgdrop_cli.definition.run_id import run_id
 from msgdrop_cli.definition.spec import Definition, PlannedRun, Registration
 
 _OPEN: tuple[Word, ...] = ("undecided", "not run")
+_REJECTED: tuple[Word, ...] = ("supported", "contradicted")
 _PAPER = "paper"
 """Profiles of the paper's length begin with it: days, so not what is asked first."""
+
+
+class _Asked(NamedTuple):
+    """What an open claim waits for."""
+
+    arms: Sequence[str]
+    look: int | None
+    """Seeds 1 to n; None if no look is left."""
+    for_family: bool
+    """Whether it has these seeds itself, and waits for its family."""
 
 
 def with_ways(
@@ -112,11 +124,11 @@ class _Guide:
     def wanted(self, line: Line) -> list[Wanted]:
         """The runs of both arms that are missing at the next look that can decide it."""
         rule, shown = self.definition.registration, line.shown
-        arms, look = self._asked_for(line, rule) if rule else ((), None)
-        if look is None:
+        asked = self._asked_for(line, rule) if rule else None
+        if asked is None or asked.look is None:
             return []
         scale = self.answers.scales[shown.profile] if shown else self._first_scale(line)
-        return self._lacking(scale, line.environment, arms, look)
+        return self._lacking(scale, line.environment, asked.arms, asked.look)
 
     def _lacking(
         self, scale: Scale, environment: str, arms: Sequence[str], seeds: int
@@ -133,20 +145,24 @@ class _Guide:
         pending = {run.run_id for run in survey_among(wanted, self.answers.copies).pending}
         return [each for each in wanted if each.run.run_id in pending]
 
-    def _asked_for(self, line: Line, rule: Registration) -> tuple[Sequence[str], int | None]:
-        """The arms that the claim waits for, and with how many seeds; None if no look is left.
+    def _asked_for(self, line: Line, rule: Registration) -> _Asked:
+        """What the claim waits for.
 
-        Of a claim that has the seeds of its next look these are the arms of its whole family.
+        Of a claim that has the seeds of its next look these are the open arms of its family.
         """
         shown = line.shown
         reached = shown.evidence.seeds if shown and shown.evidence else 0
         looks = [n for n in deciding_looks(rule.in_game(line.environment)) if n > reached]
         if shown and looks and shown.seeds >= looks[0]:
             family = (line.environment, line.measure)
-            mates = [each for each in self.lines if (each.environment, each.measure) == family]
+            mates = [
+                each
+                for each in self.lines
+                if (each.environment, each.measure) == family and each.word not in _REJECTED
+            ]
             arms = [arm for each in mates for arm in (each.better, each.worse)]
-            return list(dict.fromkeys(arms)), looks[0]
-        return (line.better, line.worse), looks[0] if looks else None
+            return _Asked(list(dict.fromkeys(arms)), looks[0], for_family=True)
+        return _Asked((line.better, line.worse), looks[0] if looks else None, for_family=False)
 
     def _first_look(self, line: Line) -> int:
         """The first look that can decide anything, or else the first."""
@@ -200,8 +216,7 @@ class _Guide:
         rule, shown = self.definition.registration, line.shown
         if rule is None:
             return None
-        arms, look = self._asked_for(line, rule)
-        waits = len(arms) > 2  # for its family
+        arms, look, waits = self._asked_for(line, rule)
         prospect = shown.prospect if shown and not waits else None
         if prospect is None and look is None:
             return None

@@ -97,8 +97,8 @@ def _dropped(dropped: Sequence[Dropped]) -> Html:
     inside = el("p", "Nothing: every run that was found is finished, readable and of a claim.")
     if rows:
         inside = join(
-            el("p", "Failed and diverged runs count as the worst value in every claim of their "
-               "arm. The others are in no number."),
+            el("p", "Failed and diverged runs count as the worst value in every difference of "
+               "their arm, the failed ones in no look. The others are in no number."),
             grid(("run", "what", "runs", "why"), rows),
         )  # fmt: skip
     return el("section", el("h2", "Left out, and why"), inside, id="dropped")
