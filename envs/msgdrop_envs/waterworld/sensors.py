@@ -74,33 +74,11 @@ class Sensors:
             obs[..., -2:] = torch.stack((foods.any(1), poisons.any(1)), -1).transpose(0, 1).float()
         return obs
 
-    def _sense(self, obs: Tensor, positions: Tensor, velocities: Tensor) -> None:
-        """Write distances and velocities of what is met into `obs`, whose place for them is 0."""
-        config, rays = self.config, self.config.sensors
-        away = positions[:, None] - positions[:, : config.pursuers, None]  # [2, N, N+M+L, B]
-        agent, entity, game = (dot(away, away) <= self._near).nonzero().unbind(1)  # [P] each
-        apart = away[:, agent, entity, game, None]  # [2, P, 1]
-        distance, aside = dot(apart, self._along), dot(apart, self._across)  # [P, S]
-        met = (distance >= 0) & (distance <= config.sensor_range)
-        met &= aside.abs() <= self._widths[entity]
-        which, ray = met.nonzero().unbind(1)  # [H] each
-        # The nearest on each sensor, of equally near ones the first: the least of (distance, order)
-        # as one integer, for the bits of floats >= 0 are in the order of the floats.
-        distance = distance[which, ray] + 0.0  # no -0
-        column = (game * config.pursuers * self.size + self._columns[agent, entity])[which] + ray
-        key = distance.view(torch.int32).long() << 32 | torch.arange(len(ray), device=ray.device)
-        best = key.new_full((obs.numel(),), UNMET).scatter_reduce_(0, column, key, "amin")
-        nearest = (best[column] == key).nonzero()[:, 0]
-        distance, column = distance[nearest], column[nearest]
-        which, ray = which[nearest], ray[nearest]
-        motion = velocities[:, entity, game] - velocities[:, agent, game]  # [2, P]
-        speed = dot(motion[:, which], self._along[:, 0, ray])
-        if config.sensors_scaled:
-            distance, speed = distance / config.sensor_range, speed / config.velocity_unit
-        obs.view(-1).scatter_(0, column, distance).scatter_(0, column + rays, speed)
-
     def _sense_all(self, obs: Tensor, positions: Tensor, velocities: Tensor) -> None:
-        """The same bits as `_sense` from tensors whose shapes do not depend on what is met."""
+        """Write distances and velocities of what each sensor meets into `obs`, 0 there before.
+
+        That is the nearest of each class (l. 389-390), with the velocity along the sensor.
+        """
         config, agents, rays = self.config, self.config.pursuers, self.config.sensors
         cos, sin = self._cos[:, None], self._sin[:, None]  # [S, 1]
         away = positions[:, None] - positions[:, :agents, None]  # [2, N, N+M+L, B]
@@ -128,6 +106,31 @@ class Sensors:
             shown = torch.where(nearest < math.inf, torch.stack((nearest, speed)), 0.0)
             obs[..., start : start + 2 * rays] = shown.permute(3, 1, 0, 2).flatten(2)
             first += number
+
+    def _sense(self, obs: Tensor, positions: Tensor, velocities: Tensor) -> None:
+        """The same bits, of the pairs within reach alone: quicker where shapes may be asked for."""
+        config, rays = self.config, self.config.sensors
+        away = positions[:, None] - positions[:, : config.pursuers, None]  # [2, N, N+M+L, B]
+        agent, entity, game = (dot(away, away) <= self._near).nonzero().unbind(1)  # [P] each
+        apart = away[:, agent, entity, game, None]  # [2, P, 1]
+        distance, aside = dot(apart, self._along), dot(apart, self._across)  # [P, S]
+        met = (distance >= 0) & (distance <= config.sensor_range)
+        met &= aside.abs() <= self._widths[entity]
+        which, ray = met.nonzero().unbind(1)  # [H] each
+        # The nearest on each sensor, of equally near ones the first: the least of (distance, order)
+        # as one integer, for the bits of floats >= 0 are in the order of the floats.
+        distance = distance[which, ray] + 0.0  # no -0
+        column = (game * config.pursuers * self.size + self._columns[agent, entity])[which] + ray
+        key = distance.view(torch.int32).long() << 32 | torch.arange(len(ray), device=ray.device)
+        best = key.new_full((obs.numel(),), UNMET).scatter_reduce_(0, column, key, "amin")
+        nearest = (best[column] == key).nonzero()[:, 0]
+        distance, column = distance[nearest], column[nearest]
+        which, ray = which[nearest], ray[nearest]
+        motion = velocities[:, entity, game] - velocities[:, agent, game]  # [2, P]
+        speed = dot(motion[:, which], self._along[:, 0, ray])
+        if config.sensors_scaled:
+            distance, speed = distance / config.sensor_range, speed / config.velocity_unit
+        obs.view(-1).scatter_(0, column, distance).scatter_(0, column + rays, speed)
 
     def _obstacle(self, own: Tensor) -> Tensor:
         """Distance along each sensor to the obstacle's rim; own: [B, N, 2]; returns [B, N, S]."""
