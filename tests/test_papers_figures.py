@@ -102,14 +102,14 @@ def test_a_run_that_several_figures_need_is_one(profile: str) -> None:
 
 
 def test_what_is_published_is_found_by_the_figures() -> None:
-    """Runs of two million steps that questions have trained are the runs of 3a, 5a and 6."""
+    """Runs of two million steps that questions have trained are the runs of 3a, 5a, 5b and 6."""
     folders = (ROOT / "results" / "published").glob("*-two-million/pursuit-n6")
     files = chain.from_iterable(folder.glob("*/run.json") for folder in folders)
     published = {
         (run["variant"], run["run_id"]) for run in map(json.loads, map(Path.read_text, files))
     }
     assert len(published) >= 30
-    figures = ("figure-3a", "figure-5a", "figure-6")
+    figures = ("figure-3a", "figure-5a", "figure-5b", "figure-6")
     ten = range(1, 11)
     runs = chain.from_iterable(
         plan(load_definition(name), "two-million", CATALOGUE, seeds=ten).runs for name in figures

@@ -4,14 +4,15 @@ from collections import Counter
 
 import pytest
 
-from benchmarks.readme.studies import PUBLISHED, study
+from benchmarks.readme.studies import PUBLISHED, SIX, study
 from msgdrop_cli.analysis.verdict import Verdict
 from msgdrop_cli.records.store import list_runs
 
 
-def verdicts(folder: str, measure: str) -> list[Verdict]:
-    """Of the claims of one study and measure."""
-    return [each for each in study(folder).verdicts if each.claim.measure == measure]
+def verdicts(folder: str, measure: str, environment: str | None = None) -> list[Verdict]:
+    """Of the claims of one study and measure, in one of its games or in all."""
+    found = study(folder, environment).verdicts
+    return [each for each in found if each.claim.measure == measure]
 
 
 @pytest.mark.parametrize("folder", ["navigation-half-million", "waterworld-half-million"])
@@ -63,6 +64,14 @@ def test_the_own_observation_should_be_kept() -> None:
     after = verdicts("own-observation-two-million", "evaluation")
     assert [each.verdict for each in after] == ["supported"] * 3
     assert sorted(1024 * each.evidence.p for each in after if each.evidence) == [2, 2, 6]
+
+
+def test_the_network_that_keeps_the_own_apart_learns_better() -> None:
+    """Figure 5 b with six agents; one seed of ten is the other way."""
+    [found] = verdicts("architecture-two-million", "learning", SIX)
+    assert (found.claim.worse, found.verdict) == ("concat-md-0.2", "supported")
+    assert found.evidence is not None
+    assert found.evidence.p == 4 / 1024
 
 
 def test_navigation_in_training_and_after() -> None:

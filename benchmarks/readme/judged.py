@@ -17,7 +17,7 @@ from msgdrop_cli.analysis.verdict import Verdict
 from msgdrop_cli.report.table import NOTHING
 
 BROKEN, ELEMENTS = "broken-links-two-million", "blockwise-vs-elementwise-two-million"
-NAVIGATION = "navigation-million-nearest"
+NAVIGATION, NETWORK = "navigation-million-nearest", "architecture-two-million"
 """The studies of ten seeds."""
 LABELS = {
     **{"fdc": "FDC", "dcc": "DCC", "md-0.2": "DCC-MD 0.2", "md-0.5": "DCC-MD 0.5"},
