@@ -57,6 +57,17 @@ def test_what_was_seen_in_another_game_takes_nothing(tmp_path: Path) -> None:
     assert f"before {registered_as(asking(CLAIM), 'pursuit-n6')} was registered" in there.reason
 
 
+def test_a_part_of_a_family_is_not_judged_alone(tmp_path: Path) -> None:
+    """Else whoever asks for one claim of two has a smaller p: the family is the question's."""
+    other = replace(CLAIM, worse="fdc")
+    records = [*arms(tmp_path, HIGH, LOW), *write_arm(tmp_path, "fdc", LOW)]
+    whole = asking(CLAIM, other)
+    [alone] = judge_claims([CLAIM], summarise(records), whole)
+    assert (alone.verdict, alone.evidence) == ("undecided", None)
+    assert alone.reason.startswith("1 of the 2 claims of its family")
+    assert judge_claims([CLAIM, other], summarise(records), whole)[0].verdict == "supported"
+
+
 def test_a_claim_that_cannot_be_judged_holds_up_no_other(tmp_path: Path) -> None:
     """Both of its arms broke down: no more seeds would ever make that family whole."""
     other = replace(CLAIM, better="md-0.5", worse="fdc")

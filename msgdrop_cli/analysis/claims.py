@@ -22,11 +22,12 @@ def judge_claims(
 ) -> list[Verdict]:
     """One verdict for each claim and each group of its environment that has one of its variants.
 
-    claims: those of the definition that the runs can judge; it says how.
+    claims: those of the definition that the runs can judge; it says how. Families are those of all
+    its claims: whoever asks for some of them would else choose which are judged together.
     """
     verdicts: dict[tuple[int, Group | None], Verdict] = {}
     families: dict[tuple[Group, tuple[str, str]], dict[int, Pair]] = {}
-    lacking: Counter[tuple[Group, tuple[str, str]]] = Counter()
+    never: Counter[tuple[Group, tuple[str, str]]] = Counter()
     for number, claim in enumerate(claims):
         groups = _groups_of(claim, summary)
         if not groups:
@@ -38,14 +39,15 @@ def judge_claims(
                 verdicts[number, group] = Verdict(
                     claim=claim, verdict=pair.word, reason=pair.reason, group=group
                 )
-                lacking[group, claim.family] += pair.word == "not run"  # and may be, one day
+                never[group, claim.family] += pair.word != "not run"  # which may change one day
             else:
                 families.setdefault((group, claim.family), {})[number] = pair
-    rule = definition.registration
+    rule, sizes = definition.registration, Counter(each.family for each in definition.claims)
     for (group, family), pairs in families.items():
         name = registered_as(definition, group.environment)
         known = rule and rule.in_game(group.environment)
-        judged = judge_family([*pairs.values()], known, lacking[group, family])
+        lacking = sizes[family] - len(pairs) - never[group, family]
+        judged = judge_family([*pairs.values()], known, lacking)
         for (number, pair), verdict in zip(pairs.items(), judged, strict=True):
             verdicts[number, group] = _with_registrations(verdict, pair, name)
     return [verdicts[key] for key in sorted(verdicts, key=lambda key: (key[0], key[1] or ()))]
