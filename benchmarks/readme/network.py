@@ -3,7 +3,7 @@
 from collections.abc import Callable
 
 from benchmarks.readme.judged import NETWORK
-from benchmarks.readme.studies import SIX, difference, number, paragraph, study, table
+from benchmarks.readme.studies import SIX, difference, number, paragraph, study, while_and_after
 
 _LABELS = {
     "dcc": "DCC f/g/h",
@@ -14,12 +14,7 @@ _LABELS = {
 
 def catches() -> str:
     """Each arm while it learns, and after."""
-    found = study(NETWORK, SIX)
-    rows = (
-        (label, found.in_training(variant).text(1), found.after(variant).text(1))
-        for variant, label in _LABELS.items()
-    )
-    return table(("variant", "mean of the training", "greedy, after training"), rows)
+    return while_and_after(study(NETWORK, SIX), _LABELS)
 
 
 def claims() -> str:

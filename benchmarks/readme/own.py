@@ -3,7 +3,15 @@
 from collections.abc import Callable
 
 from benchmarks.readme.judged import LABELS, NETWORK, counted, of_game, told
-from benchmarks.readme.studies import SIX, difference, expect, number, paragraph, study, table
+from benchmarks.readme.studies import (
+    SIX,
+    difference,
+    expect,
+    number,
+    paragraph,
+    study,
+    while_and_after,
+)
 
 STUDY = "own-observation-two-million"
 _REMARKS = {
@@ -18,12 +26,8 @@ _MEASURES = {"learning": "in training", "evaluation": "after training"}
 
 def catches() -> str:
     """Each arm while it learns, and after."""
-    found = study(STUDY)
-    rows = (
-        (LABELS[variant] + remark, found.in_training(variant).text(1), found.after(variant).text(1))
-        for variant, remark in _REMARKS.items()
-    )
-    return table(("variant", "mean of the training", "greedy, after training"), rows)
+    labels = {variant: LABELS[variant] + remark for variant, remark in _REMARKS.items()}
+    return while_and_after(study(STUDY), labels)
 
 
 def claims() -> str:

@@ -11,7 +11,7 @@ from benchmarks.readme.studies import (
     ordinal,
     paragraph,
     study,
-    table,
+    while_and_after,
 )
 
 STUDY = "dropout-rate-two-million"
@@ -21,12 +21,7 @@ _LABELS = {"dcc": "DCC (rate 0)", **_RATES, "fdc": "FDC (no messages)"}
 
 def catches() -> str:
     """Each rate while it learns, and after."""
-    found = study(STUDY)
-    rows = (
-        (label, found.in_training(variant).text(1), found.after(variant).text(1))
-        for variant, label in _LABELS.items()
-    )
-    return table(("variant", "mean of the training", "greedy, after training"), rows)
+    return while_and_after(study(STUDY), _LABELS)
 
 
 def claims() -> str:

@@ -189,6 +189,15 @@ def table(headers: Iterable[str], rows: Iterable[Iterable[str]]) -> str:
     return "\n".join([head, "|---" * head.count(" | ") + "|---|", *body])
 
 
+def while_and_after(found: Study, labels: Mapping[str, str]) -> str:
+    """Each variant's headline while it learns, and of its greedy policies after that."""
+    rows = (
+        (label, found.in_training(variant).text(1), found.after(variant).text(1))
+        for variant, label in labels.items()
+    )
+    return table(("variant", "mean of the training", "greedy, after training"), rows)
+
+
 def number(count: int) -> str:
     """A small number as a word."""
     return _NUMBERS[count] if count < len(_NUMBERS) else f"{count:,}"

@@ -80,9 +80,12 @@ def runs_of(root: Path) -> Listing:
             if study == root:
                 raise
             passed_over.append(f"what {study.name} names: {error}")
-    if elsewhere and not run_folders(root).runs:
-        return Listing(elsewhere, "; ".join(passed_over))
-    here = look_through(root)
+    try:
+        here = look_through(root)
+    except RecordError:
+        if not elsewhere or run_folders(root).runs:
+            raise
+        here = Listing([], "")
     told = filter(None, (here.passed_over, *passed_over))
     return Listing([*here.records, *elsewhere], "; ".join(told))
 
