@@ -29,11 +29,10 @@ class Signed(NamedTuple):
 
 
 def authority(folder: Path, name: str) -> Path:
-    """A certificate that signs others, for two days."""
+    """A certificate that signs others, for two days, and says so, as Python 3.13 asks."""
     key, file = folder / f"{name}-key.pem", folder / f"{name}.pem"
-    openssl(
-        "req", "-x509", *_CURVE, "-keyout", key, "-out", file, "-days", 2, "-subj", f"/CN={name}"
-    )
+    about = ("-days", 2, "-subj", f"/CN={name}", "-addext", "keyUsage=critical,keyCertSign")
+    openssl("req", "-x509", *_CURVE, "-keyout", key, "-out", file, *about)
     return file
 
 
@@ -43,7 +42,9 @@ def signed(folder: Path, by: Path, name: str, days: int = 2) -> Signed:
     openssl("req", *_CURVE, "-keyout", key, "-out", asked, "-subj", f"/CN={name}")
     signer = by.with_name(f"{by.stem}-key.pem")
     by_whom = ("-CA", by, "-CAkey", signer, "-CAcreateserial")
-    openssl("x509", "-req", "-in", asked, *by_whom, "-out", file, "-days", days)
+    told = folder / "extensions.txt"
+    told.write_text("subjectKeyIdentifier=hash\nauthorityKeyIdentifier=keyid\n")
+    openssl("x509", "-req", "-in", asked, *by_whom, "-out", file, "-days", days, "-extfile", told)
     return Signed(by, file, key)
 
 
