@@ -13,7 +13,7 @@ code of the program, look by look, until nothing is open.
 """
 
 import argparse
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from statistics import median
 from typing import Any
@@ -22,6 +22,7 @@ import numpy as np
 
 from msgdrop_cli.analysis.e_process import e_process
 from msgdrop_cli.analysis.sequential import decided, flips_of
+from msgdrop_cli.analysis.sign_flips import Flipped
 from msgdrop_cli.definition.spec import Registration
 
 RULE = Registration(looks=(6, 8, 10, 12), alpha_spent=(0.015, 0.025, 0.035, 0.05))
@@ -73,7 +74,7 @@ def simulate(
     """
     wrong, ended, right = 0, 0, np.zeros(len(rule.looks))
     for study in drawn(rule.looks[-1], studies, better=better, effect=effect, noise=noise):
-        when = decided(flips_of(study, rule), rule)
+        when = decided(flips(study, rule), rule)
         true = [look for (arm, _), look in zip(CLAIMS, when, strict=True) if arm < better]
         false = [look for (arm, _), look in zip(CLAIMS, when, strict=True) if arm >= better]
         wrong += any(look is not None for look in false)
@@ -82,6 +83,11 @@ def simulate(
                 right[look:] += 1.0 / len(true)
         ended += rule.looks[max(len(rule.looks) - 1 if look is None else look for look in when)]
     return Found(wrong=wrong / studies, right=tuple(right / studies), seeds=ended / studies)
+
+
+def flips(differences: Sequence[Sequence[float]], rule: Registration) -> list[Flipped]:
+    """Those of studies without a lost run; differences: [claims][seeds]."""
+    return flips_of([[each[:seeds] for each in differences] for seeds in rule.looks], rule)
 
 
 def drawn(
@@ -109,7 +115,7 @@ def stopped(studies: int, *, effect: float, noise: str = "normal") -> list[int]:
 def unlike(studies: int, draw: Noise) -> float:
     """The share of studies that decide a claim about two arms with equal means."""
     differences = draw(np.random.default_rng(SEED), (studies, SEEN.looks[-1])).tolist()
-    return sum(decided(flips_of([each], SEEN), SEEN) != [None] for each in differences) / studies
+    return sum(decided(flips([each], SEEN), SEEN) != [None] for each in differences) / studies
 
 
 def main() -> None:

@@ -6,9 +6,10 @@ from pathlib import Path
 import pytest
 
 from msgdrop_cli.analysis.claims import judge_claims
+from msgdrop_cli.analysis.pairs import Pair, find_pair
 from msgdrop_cli.analysis.summary import summarise
 from msgdrop_cli.definition.channel import Channel
-from tests.claims import CLAIM, HIGH, LOW, asking, verdict_on
+from tests.claims import AT_SIX, CLAIM, HIGH, LOW, asking, verdict_on
 from tests.fake_runs import GROUP, write_arm, write_run
 
 
@@ -113,6 +114,39 @@ def test_a_run_that_broke_down_has_the_worst_value(
     waits = "first registered look at 6 seeds, seed 6 has failed and is to be trained again"
     assert (waits in verdict.reason) == (status == "failed")
     assert "1 lost to failed or diverged runs, which count as the worst" in verdict.reason
+
+
+def test_no_later_seed_changes_what_a_lost_run_counts_for_at_a_look(tmp_path: Path) -> None:
+    """Seed 7 is far worse: of all seeds seed 1 is now -102, which six seeds never heard of."""
+    rule = replace(AT_SIX, alpha_spent=(0.07, 0.1))
+    first = write_arm(tmp_path, "dcc", [2] * 6)
+    first += [write_run(tmp_path, "md-0.2", 1, status="diverged")]
+    first += [write_run(tmp_path, "md-0.2", seed, catches={0.0: 12}) for seed in range(2, 7)]
+    first[0] = write_run(tmp_path / "1", "dcc", 1, catches={0.0: 3})  # the others' worst is 2
+    later = [write_run(tmp_path, arm, 7, catches={0.0: -100}) for arm in ("dcc", "md-0.2")]
+    early, late = (verdict_on(records, rule=rule) for records in (first, [*first, *later]))
+    assert (early.verdict, late.verdict) == ("supported", "supported")
+    assert early.evidence is not None
+    assert early.evidence == late.evidence
+    assert early.evidence.p == 4 / 64  # -1 against five times 10
+    assert (early.difference, late.difference) == (49 / 6, (50 - 103) / 7)
+    pair = find_pair(GROUP, CLAIM, summarise([*first, *later]))
+    assert isinstance(pair, Pair)
+    assert pair.at(6) == [-1.0, 10.0, 10.0, 10.0, 10.0, 10.0]
+    assert pair.one_by_one() == [0.0, 10.0, 10.0, 10.0, 10.0, 10.0, 0.0]
+    assert pair.at(7) == [-103.0, 10.0, 10.0, 10.0, 10.0, 10.0, 0.0]
+
+
+def test_what_is_evidence_at_any_stop_takes_each_seed_as_it_came(tmp_path: Path) -> None:
+    """Where all that came so far is lost, nothing speaks for anybody."""
+    records = [write_run(tmp_path, arm, 1, status="diverged") for arm in ("dcc", "md-0.2")]
+    records += [write_run(tmp_path, "dcc", seed, catches={0.0: 2}) for seed in (2, 3)]
+    records += [write_run(tmp_path, "md-0.2", 2, catches={0.0: 5})]
+    records += [write_run(tmp_path, "md-0.2", 3, status="diverged")]
+    pair = find_pair(GROUP, CLAIM, summarise(records))
+    assert isinstance(pair, Pair)
+    assert pair.one_by_one() == [0.0, 3.0, 0.0]
+    assert (pair.lost, pair.unbroken) == (2, 3)
 
 
 def test_an_arm_that_always_breaks_down_loses(tmp_path: Path) -> None:

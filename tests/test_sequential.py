@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 from scipy.stats import permutation_test
 
-from msgdrop_cli.analysis.sequential import decided, deciding_looks, flips_of, speaks_at
+from benchmarks.verdict_level import flips
+from msgdrop_cli.analysis.sequential import decided, deciding_looks, speaks_at
 from msgdrop_cli.definition.spec import Registration
 
 RULE = Registration(looks=(4, 6, 8), alpha_spent=(0.15, 0.2, 0.3))
@@ -82,7 +83,7 @@ def test_every_set_and_every_path(rule: Registration) -> None:
     found = []
     for trial in range(12):
         differences = study(trial, claims=3, seeds=8, effect=trial % 4)
-        when = decided(flips_of(differences, rule), rule)
+        when = decided(flips(differences, rule), rule)
         assert when == by_definition(differences, rule), trial
         found += when
     assert len(set(found)) > 2  # None, and more than one look: something is compared
@@ -99,7 +100,7 @@ def test_one_claim_at_one_look_is_scipys_permutation_test(seeds: int) -> None:
         ).pvalue
         for alpha in (0.0125, 0.05, 0.2):
             rule = Registration(looks=(seeds,), alpha_spent=(alpha,))
-            when = decided(flips_of([values], rule), rule)
+            when = decided(flips([values], rule), rule)
             assert when == [0 if p <= alpha else None]
             words.add(when[0])
     assert words == {0, None}
@@ -111,7 +112,7 @@ def test_each_look_by_scipy() -> None:
     looks = []
     for trial in range(40):
         (values,) = study(100 + trial, 1, 14, effect=1.4)
-        (when,) = decided(flips_of([values], rule), rule)
+        (when,) = decided(flips([values], rule), rule)
         looks.append(when)
         for look in range(3 if when is None else when + 1):
             p = permutation_test(
@@ -132,7 +133,7 @@ def test_all_paths_together_spend_no_more_than_alpha() -> None:
     """Of all 2^8 studies that the signs of one family allow, at most 30% decide anything."""
     differences = np.asarray(study(3, claims=2, seeds=8))
     hits = [
-        any(look is not None for look in decided(flips_of((differences * p).tolist(), RULE), RULE))
+        any(look is not None for look in decided(flips((differences * p).tolist(), RULE), RULE))
         for p in product((1.0, -1.0), repeat=8)
     ]
     assert 0.2 < np.mean(hits) <= 0.3
@@ -142,8 +143,8 @@ def test_what_was_decided_stays() -> None:
     """More seeds add looks, and change no word of an earlier one."""
     for trial in range(20):
         differences = study(trial, claims=2, seeds=8, effect=2.5)
-        early = decided(flips_of([each[:6] for each in differences], RULE), RULE)
-        late = decided(flips_of(differences, RULE), RULE)
+        early = decided(flips([each[:6] for each in differences], RULE), RULE)
+        late = decided(flips(differences, RULE), RULE)
         assert [look for look in early if look is not None] == [
             after for before, after in zip(early, late, strict=True) if before is not None
         ]
@@ -154,8 +155,8 @@ def test_a_look_that_was_seen_leaves_nothing_over() -> None:
     values = [1.0] * 9 + [-1.0]  # p is 2 / 64 at six seeds, and 22 / 1024 at ten
     plan = {"looks": (6, 10), "alpha_spent": (0.03, 0.05)}
     kept, gone = Registration(**plan), Registration(**plan, seen=6)  # type: ignore[arg-type]
-    assert decided(flips_of([values], kept), kept) == [1]
-    assert decided(flips_of([values], gone), gone) == [None]
+    assert decided(flips([values], kept), kept) == [1]
+    assert decided(flips([values], gone), gone) == [None]
 
 
 @pytest.mark.parametrize(("seen", "spent"), [(0, 0.3), (4, 0.15)])
@@ -164,7 +165,7 @@ def test_alpha_that_is_gone_stays_gone(seen: int, spent: float) -> None:
     rule = Registration(looks=(4, 6, 8), alpha_spent=(0.15, 0.2, 0.3), seen=seen)
     values = [2.0**-n for n in range(8)]
     when = [
-        decided(flips_of([[s * v for s, v in zip(signs, values, strict=True)]], rule), rule)
+        decided(flips([[s * v for s, v in zip(signs, values, strict=True)]], rule), rule)
         for signs in product((1.0, -1.0), repeat=8)
     ]
     assert spent - 0.01 < sum(look != [None] for look in when) / 2**8 <= spent
@@ -183,27 +184,27 @@ def test_alpha_that_is_gone_stays_gone(seen: int, spent: float) -> None:
 def test_the_first_look_that_can_decide_does_so_if_all_seeds_agree(rule: Registration) -> None:
     """Exactly as much alpha as the smallest p is enough, whatever the floats make of it."""
     values = [1.0] * rule.looks[-1]
-    [when] = decided(flips_of([values], rule), rule)
+    [when] = decided(flips([values], rule), rule)
     assert deciding_looks(rule)[:1] == ([] if when is None else [rule.looks[when]])
 
 
 def test_a_look_is_of_the_whole_family() -> None:
     """A claim that comes later would else be judged with the others at a look they had alone."""
     one, other = study(8, claims=2, seeds=8, effect=4.0)
-    assert len(flips_of([one, other], RULE)) == 3
-    assert len(flips_of([one, other[:5]], RULE)) == 1
-    assert len(flips_of([one, other[:3]], RULE)) == 0
-    assert decided(flips_of([one[:3], other[:3]], RULE), RULE) == []
+    assert len(flips([one, other], RULE)) == 3
+    assert len(flips([one, other[:5]], RULE)) == 1
+    assert len(flips([one, other[:3]], RULE)) == 0
+    assert decided(flips([one[:3], other[:3]], RULE), RULE) == []
 
 
 def test_what_is_decided_need_not_go_on() -> None:
     """Its seeds end at the look that decided it, and the others have the later ones."""
     _, other = study(8, claims=2, seeds=8)
     sure = [1.0] * 4  # 2 / 16 at four seeds
-    flips = flips_of([sure, other], RULE)
-    assert decided(flips[:1], RULE) == [0, None]
-    assert len(flips) == 3
-    assert len(flips_of([sure[:3], other], RULE)) == 0
+    found = flips([sure, other], RULE)
+    assert decided(found[:1], RULE) == [0, None]
+    assert len(found) == 3
+    assert len(flips([sure[:3], other], RULE)) == 0
 
 
 def test_the_sign_is_that_of_the_look_at_which_the_claim_spoke() -> None:
@@ -211,9 +212,9 @@ def test_the_sign_is_that_of_the_look_at_which_the_claim_spoke() -> None:
     rule = Registration(looks=(6, 10), alpha_spent=(0.04, 0.1))
     turned = [3.0] * 6 + [-8.0] * 4
     other = [3.0] * 5 + [-3.0] + [50.0] * 4  # as far out as all of one sign, at six seeds
-    flips = flips_of([turned, other], rule)
-    assert decided(flips, rule)[0] == 1
-    assert speaks_at(0, flips, rule) == 0
+    found = flips([turned, other], rule)
+    assert decided(found, rule)[0] == 1
+    assert speaks_at(0, found, rule) == 0
     assert sum(turned[:6]) > 0.0 > sum(turned)
 
 
@@ -222,4 +223,4 @@ def test_a_large_family_at_the_last_look_takes_seconds() -> None:
     """Ten claims and twenty seeds: 1,023 sets, 2^19 patterns each."""
     rule = Registration(looks=(6, 10, 14, 20), alpha_spent=(0.015, 0.025, 0.035, 0.05))
     differences = [[value + 1.5 for value in row] for row in study(9, claims=10, seeds=20)]
-    assert None not in decided(flips_of(differences, rule), rule)
+    assert None not in decided(flips(differences, rule), rule)

@@ -32,7 +32,7 @@ def judge_family(
     """
     if rule is None:
         return [_estimate(pair) for pair in pairs]
-    flips = flips_of([pair.first for pair in pairs], rule)
+    flips = flips_of([[pair.at(seeds) for pair in pairs] for seeds in rule.looks], rule)
     if lacking and flips:
         return _withheld(pairs, flips, rule, lacking)
     when = decided(flips, rule) or [None] * len(pairs)
@@ -46,13 +46,13 @@ def judge_family(
             word, look = "level", level
         elif look is not None:
             spoke = speaks_at(number, flips, rule)
-            word = "supported" if mean(pair.first[: rule.looks[spoke]]) > 0.0 else "contradicted"
+            word = "supported" if mean(pair.at(rule.looks[spoke])) > 0.0 else "contradicted"
             told = [f"by itself it crossed at look {spoke + 1}"] if spoke < look else []
         elif reached:
             look = reached - 1
         evidence = None if look is None else found[look][number]
         ahead = prospect(pair, reached, rule, len(pairs)) if word == "undecided" else None
-        stopped = anytime(pair.first, rule.sides)
+        stopped = anytime(pair.one_by_one(), rule.sides)
         told += _said_at(pair, reached, rule, ahead) if word == "undecided" else []
         reason = "; ".join(_reasons(pair, word, evidence, rule, told, stopped))
         unforeseen = no_forecast(pair, rule) if word == "undecided" and not ahead else ""
@@ -66,10 +66,10 @@ def _withheld(
 ) -> list[Verdict]:
     """What a look says of a part of the family: no verdict, or these claims would have two."""
     count = f"{lacking} of the {lacking + len(pairs)} claims of its family, which are judged"
-    waits = f"{count} together, are not run yet"
+    waits = f"{count} together, have no finished runs here"
     verdicts = []
     for pair, evidence in zip(pairs, _evidence(flips[-1], len(flips) - 1, rule), strict=True):
-        stopped = anytime(pair.first, rule.sides)
+        stopped = anytime(pair.one_by_one(), rule.sides)
         reasons = [waits, *_reasons(pair, "undecided", evidence, rule, [], stopped)]
         verdict = _verdict(pair, "undecided", "; ".join(reasons), stopped)
         verdicts.append(replace(verdict, unforeseen="its family is not whole"))
@@ -78,7 +78,7 @@ def _withheld(
 
 def _estimate(pair: Pair) -> Verdict:
     """What can be said of a claim whose looks nobody has registered."""
-    stopped = anytime(pair.first, sides=2)
+    stopped = anytime(pair.one_by_one(), sides=2)
     return _verdict(pair, "estimate", "; ".join([_NOT_REGISTERED, *_at_any_stop(stopped)]), stopped)
 
 
@@ -140,8 +140,7 @@ def _level_at(pair: Pair, reached: int, rule: Registration, family: int) -> int 
     for number in range(reached):
         if number < rule.looks_gone:
             continue
-        values = pair.first[: rule.looks[number]]
-        interval = flip_interval(values, rule.share(number) / family)
+        interval = flip_interval(pair.at(rule.looks[number]), rule.share(number) / family)
         if interval and -margin <= interval.low and interval.high <= margin:
             return number
     return None
@@ -204,7 +203,7 @@ def _next_look(pair: Pair, reached: int, rule: Registration) -> str:
     if reached == len(rule.looks):
         return "no look is left"
     name, seeds = "next" if reached else "first", rule.looks[reached]
-    missing, waits = len(pair.first) + 1, ""
+    missing, waits = pair.unbroken + 1, ""
     if missing > seeds:
         waits = ", which all claims of its family must have, for they are judged together"
     elif missing in pair.failed:

@@ -1,10 +1,11 @@
 """The two arms of a claim, seed by seed: arms of one seed have met the same games, so they pair.
 
 A run that failed or diverged has the worst value of the two arms, in place of one of its own:
-leaving it out would flatter its arm. No look counts a failed one: training it again may end well.
+leaving it out would flatter its arm. A look at n seeds takes the worst of these n, so that no later
+seed can change it. No look counts a failed run: training it again may end well.
 """
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from itertools import count, takewhile
 from typing import Literal, NamedTuple
@@ -22,6 +23,15 @@ class Missing(NamedTuple):
     reason: str
 
 
+class Measured(NamedTuple):
+    """One arm's side of a pair; above is better."""
+
+    values: Mapping[int, float]
+    """By seed."""
+    lost: frozenset[int]
+    """Seeds that have none: their runs failed or diverged."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Pair:
     """What one claim compares in one group."""
@@ -30,20 +40,53 @@ class Pair:
     group: Group
     better: Arm
     worse: Arm
-    differences: Mapping[int, float]
-    """Of each seed that both arms have, in order: above 0 speaks for the claim."""
-    lost: int
-    """Seeds of which a run failed or diverged."""
+    measured: tuple[Measured, Measured]
+    """Of `better` and of `worse`."""
     failed: frozenset[int]
     """Seeds of which a run failed, by the fault of a machine or program."""
     overridden: tuple[str, ...]
     """What `--set` changed of both arms."""
 
     @property
-    def first(self) -> list[float]:
-        """The differences of seeds 1, 2, ... up to the first that is missing, or has failed."""
-        seeds = takewhile((self.differences.keys() - self.failed).__contains__, count(1))
-        return [self.differences[seed] for seed in seeds]
+    def differences(self) -> dict[int, float]:
+        """Of each seed that both arms have, in order: above 0 speaks for the claim."""
+        return _differences(self.measured, self._seeds)
+
+    @property
+    def lost(self) -> int:
+        """How many of these have a run that failed or diverged."""
+        return sum(any(seed in arm.lost for arm in self.measured) for seed in self._seeds)
+
+    @property
+    def unbroken(self) -> int:
+        """How many seeds there are up to the first that is missing, or has failed."""
+        usable = set(self._seeds) - self.failed
+        return sum(1 for _ in takewhile(usable.__contains__, count(1)))
+
+    def at(self, seeds: int) -> list[float]:
+        """The differences of seeds 1 to n as a look at them sees them; fewer if not all are there.
+
+        It knows nothing of later seeds, not even how bad they were.
+        """
+        seen = range(1, min(seeds, self.unbroken) + 1)
+        return [*_differences(self.measured, seen).values()]
+
+    def one_by_one(self) -> list[float]:
+        """The unbroken differences, each as it was when its seed was the last one."""
+        return [self.at(seed)[-1] for seed in range(1, self.unbroken + 1)]
+
+    @property
+    def _seeds(self) -> list[int]:
+        better, worse = (arm.values.keys() | arm.lost for arm in self.measured)
+        return sorted(better & worse)
+
+
+def _differences(measured: tuple[Measured, Measured], seeds: Collection[int]) -> dict[int, float]:
+    """Of these seeds; a lost run has the worst value that either arm has in them, if any has."""
+    there = [arm.values[seed] for arm in measured for seed in seeds if seed in arm.values]
+    worst = min(there, default=0.0)
+    better, worse = measured
+    return {seed: better.values.get(seed, worst) - worse.values.get(seed, worst) for seed in seeds}
 
 
 def find_pair(group: Group, claim: Claim, summary: Summary) -> Pair | Missing:
@@ -79,21 +122,17 @@ def _paired(
 ) -> Pair:
     metric = (better if better.done else worse).metrics.find(claim.metric)
     sign = 1.0 if metric is None or metric.higher_is_better else -1.0
-    values = [
-        {seed: sign * value for seed, value in _values(claim, arm).items()}
-        for arm in (better, worse)
-    ]
-    worst = min(value for arm in values for value in arm.values())
-    for arm, found in zip((better, worse), values, strict=True):
-        found |= dict.fromkeys(arm.lost - found.keys(), worst)
-    seeds = sorted(values[0].keys() & values[1].keys())
+
+    def measured(arm: Arm) -> Measured:
+        values = {seed: sign * value for seed, value in _values(claim, arm).items()}
+        return Measured(values, frozenset(arm.lost - values.keys()))
+
     return Pair(
         claim=claim,
         group=group,
         better=better,
         worse=worse,
-        differences={seed: values[0][seed] - values[1][seed] for seed in seeds},
-        lost=len((better.lost | worse.lost) & set(seeds)),
+        measured=(measured(better), measured(worse)),
         failed=better.failed_seeds | worse.failed_seeds,
         overridden=overridden,
     )

@@ -32,22 +32,24 @@ def deciding_looks(rule: Registration) -> list[int]:
     ]
 
 
-def flips_of(differences: Sequence[Sequence[float]], rule: Registration) -> list[Flipped]:
+def flips_of(differences: Sequence[Sequence[Sequence[float]]], rule: Registration) -> list[Flipped]:
     """The flips of a family at every look that it has reached.
 
     A look is of the whole family: each of its claims has these seeds, or is decided by an earlier
     one. Else the claims that come first would be judged at it twice, with the others and without.
 
-    differences: [claims][seeds], seeds in the order of their numbers.
+    differences: [looks][claims][seeds], of seeds 1 to n as each look sees them, or of fewer.
     """
     flips: list[Flipped] = []
-    for seeds, before in zip(rule.looks, (0, *rule.looks), strict=False):
-        late = [claim for claim, each in enumerate(differences) if len(each) < seeds]
-        if len(late) == len(differences):
+    before = 0
+    for seeds, seen in zip(rule.looks, differences, strict=True):
+        late = [claim for claim, each in enumerate(seen) if len(each) < seeds]
+        if len(late) == len(seen):
             break
         if late and not (flips and _are_decided(late, flips, rule)):
             break
-        flips.append(flipped(differences, seeds, before, sides=rule.sides))
+        flips.append(flipped(seen, seeds, before, sides=rule.sides))
+        before = seeds
     return flips
 
 

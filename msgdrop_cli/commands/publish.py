@@ -44,8 +44,9 @@ def publish(
 ) -> int:
     """Copy a question's finished runs to be committed.
 
-    The numbers of every run go along, the policy of each variant's lowest seed. Runs that another
-    study in the same folder has are named (elsewhere.json), not copied. Tables and figures are of
+    The numbers of every run go along, the policy of each variant's lowest seed. A copy that says
+    the same as the run stays as it is, with its policy or without one. Runs that another study in
+    the same folder has are named (elsewhere.json), not copied. Tables and figures are of
     all runs that are published then, those of before included; SHA256SUMS lists every file.
     """
     options.check_place(to, "--to")
@@ -104,8 +105,9 @@ def _runs(asked: Plan, results: Path, study: Path) -> _Runs:
         if published and own:
             _refuse_diverged(own, published)
         if run.run_id in kept:
-            if own:
-                here[run.run_id] = as_planned(own, run)
+            mine = own and as_planned(own, run)
+            if mine and not (kept[run.run_id].run == mine.run and _alike(kept[run.run_id], mine)):
+                here[run.run_id] = mine
         elif lies := [each for each in preferred(beside.get(run.run_id, ())) if _alike(each, own)]:
             named[run.run_id] = as_planned(lies[0], run)
         elif best and best[0].status == "done":
