@@ -42,10 +42,10 @@ def test_figures_of_what_is_published_go_beside_it(tmp_path: Path) -> None:
     run = next(folder.rglob("run.json")).parent
     (tmp_path / "link").symlink_to(folder)
     for place, inside in {
-        folder.parent: "figures",
-        folder: "figures/broken-links-quick",
-        tmp_path / "link": "figures/broken-links-quick",
-        run: f"figures/broken-links-quick/pursuit-n6/{run.name}",
+        folder.parent: "figures/published",
+        folder: "figures/published/broken-links-quick",
+        tmp_path / "link": "figures/published/broken-links-quick",
+        run: f"figures/published/broken-links-quick/pursuit-n6/{run.name}",
     }.items():
         assert figures_folder(place) == (tmp_path, PurePath(inside))
 
@@ -60,7 +60,10 @@ def test_a_folder_that_happens_to_be_called_published_is_none(tmp_path: Path) ->
 def test_relative_paths_stay_relative(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """What is printed is as short as what was typed."""
     monkeypatch.chdir(published(tmp_path))
-    assert figures_folder(Path()) == (Path("../.."), PurePath("figures/broken-links-quick"))
+    assert figures_folder(Path()) == (
+        Path("../.."),
+        PurePath("figures/published/broken-links-quick"),
+    )
 
 
 def test_a_results_folder_is_found_from_inside(tmp_path: Path) -> None:
@@ -87,7 +90,7 @@ def test_plotting_what_is_published_changes_nothing_of_it(tmp_path: Path) -> Non
     assert said.code == 0, said.err
     assert {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()} == before
     assert [Path(line).parent for line in said.out.splitlines()] == [
-        tmp_path / "figures" / "broken-links-quick"
+        tmp_path / "figures" / "published" / "broken-links-quick"
     ]
 
 

@@ -23,7 +23,7 @@ def plot(results: options.Folder = Path("results"), json: options.Json = False) 
     """Draw every figure that the records allow.
 
     RESULTS is a folder (default: results); the figures go to RESULTS/figures, those of what is
-    published to the figures folder beside it. What is of one question alone is drawn where ablate
+    published to figures/published beside it. What is of one question alone is drawn where ablate
     draws it, in a folder of its name.
     """
     from msgdrop_cli.analysis.summary import summarise

@@ -93,15 +93,15 @@ def exports_folder(results: Path, name: str) -> Folder:
 def figures_folder(results: Path, *names: str) -> Folder:
     """Where figures of the records in or below `results` go: `figures/<names>` in there.
 
-    Those of what is published, `results/published/x`, go to `results/figures/x`: what is committed
-    is written by `publish` alone.
+    Those of what is published, `results/published/x`, go to `results/figures/published/x`: what is
+    committed is written by `publish` alone, and figures of own runs have their own place.
     """
     return _beside_records(results, FIGURES, *names)
 
 
 def _beside_records(results: Path, kind: str, *names: str) -> Folder:
     if published := _published_above(results):
-        inside = results.resolve().relative_to(published)
+        inside = results.resolve().relative_to(published.parent)
         return Folder(home_of(results), PurePath(kind, inside, *names))
     return Folder(results, PurePath(kind, *names))
 
