@@ -165,7 +165,7 @@ def reproduce(answers: Sequence[Answer], figures: Mapping[str, Figure]) -> tuple
 
 
 def counts(lines: Iterable[Line]) -> dict[Word, int]:
-    """How many claims each word has; all six words are there."""
+    """How many claims each word has, 0 included."""
     found = Counter(line.word for line in lines)
     return {word: found[word] for word in WORDS}
 
