@@ -110,7 +110,7 @@ def test_a_family_is_judged_once_it_is_whole(
     part, missing, _ = judge_claims(claims, summarise(records), asking(*claims))
     assert (part.verdict, missing.verdict) == ("undecided", "not run")
     assert part.reason.startswith(
-        "1 of the 2 claims of its family, which are judged together, have no finished runs here;"
+        "1 of the 2 claims of its family, which are judged together, cannot be compared here;"
         " look 1"
     )
     whole = [*records, *write_arm(tmp_path, "fdc", worse)]

@@ -141,28 +141,6 @@ def test_own_runs_that_were_published_are_named(clone: Path) -> None:
     }  # fmt: skip
 
 
-def test_a_copy_that_says_the_same_stays_as_it_is(clone: Path) -> None:
-    """Its policy too, or none where space was dear; one whose numbers differ is replaced."""
-    has, _ = studies(clone)
-    copies = {path.name[:6]: path for path in has.glob("*/*-s*")}
-    for copy in copies.values():
-        shutil.copytree(copy, clone / "results" / "runs" / "pursuit-n6" / copy.name)
-    bare, kept, changed = (copies[name] for name in ("dcc-s1", "md-0.2", "dcc-s2"))
-    (bare / "policy.safetensors").unlink()
-    for run in (kept, changed):
-        (run / "policy.safetensors").write_bytes(b"published")
-    for own in (clone / "results" / "runs").rglob("policy.safetensors"):
-        own.write_bytes(b"own")
-    log = "episodes.jsonl.gz"
-    other = (bare / log).read_bytes()
-    (clone / "results" / "runs" / "pursuit-n6" / changed.name / log).write_bytes(other)
-    assert publish(clone, "tiny").code == 0
-    assert not (bare / "policy.safetensors").exists()
-    assert (kept / "policy.safetensors").read_bytes() == b"published"
-    assert (changed / log).read_bytes() == other
-    assert not (changed / "policy.safetensors").exists()
-
-
 def test_a_study_without_runs_of_its_own_has_those_that_it_names(
     clone: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -8,7 +8,7 @@ import pytest
 from msgdrop_cli.errors import RecordError
 from msgdrop_cli.records.references import game_key, keep_references
 from msgdrop_cli.report.study import publish
-from msgdrop_cli.report.write import Folder, figures_folder, home_of, write_atomic
+from msgdrop_cli.report.write import Folder, exports_folder, figures_folder, home_of, write_atomic
 from tests.cli_runs import msgdrop
 from tests.fake_runs import write_run
 
@@ -48,6 +48,8 @@ def test_figures_of_what_is_published_go_beside_it(tmp_path: Path) -> None:
         run: f"figures/published/broken-links-quick/pursuit-n6/{run.name}",
     }.items():
         assert figures_folder(place) == (tmp_path, PurePath(inside))
+        exports = PurePath(inside.replace("figures", "exports"))
+        assert exports_folder(place, "csv") == (tmp_path, exports / "csv")
 
 
 def test_a_folder_that_happens_to_be_called_published_is_none(tmp_path: Path) -> None:

@@ -28,7 +28,7 @@ def judge_family(
 ) -> list[Verdict]:
     """One verdict for each pair of arms, in their order; without a registration an estimate.
 
-    lacking: claims of the family that are not run yet, which any look waits for.
+    lacking: claims of the family that lack a run or an evaluation, which any look waits for.
     """
     if rule is None:
         return [_estimate(pair) for pair in pairs]
@@ -66,7 +66,7 @@ def _withheld(
 ) -> list[Verdict]:
     """What a look says of a part of the family: no verdict, or these claims would have two."""
     count = f"{lacking} of the {lacking + len(pairs)} claims of its family, which are judged"
-    waits = f"{count} together, have no finished runs here"
+    waits = f"{count} together, cannot be compared here"
     verdicts = []
     for pair, evidence in zip(pairs, _evidence(flips[-1], len(flips) - 1, rule), strict=True):
         stopped = anytime(pair.one_by_one(), rule.sides)
@@ -132,13 +132,13 @@ def _level_at(pair: Pair, reached: int, rule: Registration, family: int) -> int 
     """The first look at which the difference is surely within the margin, or None.
 
     Its interval leaves out what the look may spend, shared by the family: so at most alpha of all
-    studies call a difference level that is not.
+    studies call a difference level that is not. A value in place of a lost run shows no equality.
     """
     margin = rule.margin.get(pair.claim.metric)
     if margin is None:
         return None
     for number in range(reached):
-        if number < rule.looks_gone:
+        if number < rule.looks_gone or not pair.is_whole(rule.looks[number]):
             continue
         interval = flip_interval(pair.at(rule.looks[number]), rule.share(number) / family)
         if interval and -margin <= interval.low and interval.high <= margin:
@@ -165,7 +165,10 @@ def _reasons(
         parts.append(f"surely within {margin:g} of 0")
     parts += [*ahead, *_at_any_stop(stopped)]
     if pair.lost:
-        parts.append(f"{pair.lost} lost to failed or diverged runs, which count as the worst")
+        parts.append(
+            f"{pair.lost} lost to failed or diverged runs, which count as the worst:"
+            " at a look of its seeds, in the difference of all"
+        )
     if pair.overridden:
         parts.append(f"both with {', '.join(pair.overridden)}")
     return parts
@@ -182,13 +185,13 @@ def _said_of(evidence: Evidence) -> str:
 
 def _at_any_stop(stopped: Anytime | None) -> list[str]:
     """What needs no look, if it says something: the claim alone, whoever stopped when."""
-    if stopped is None or stopped.p > ALPHA or stopped.interval is None:
+    if stopped is None or stopped.p > ALPHA:
         return []
-    low, high = stopped.interval
-    return [
-        f"at any stop, alone: p {stopped.p:.2g}, difference of {stopped.seeds} seeds"
-        f" [{low:.3g}, {high:.3g}]"
-    ]
+    said = f"at any stop, alone: p {stopped.p:.2g}"
+    if stopped.interval is not None:
+        low, high = stopped.interval
+        said += f", difference of {stopped.seeds} seeds [{low:.3g}, {high:.3g}]"
+    return [said]
 
 
 def _said_at(pair: Pair, reached: int, rule: Registration, ahead: Prospect | None) -> list[str]:

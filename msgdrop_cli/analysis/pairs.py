@@ -5,6 +5,7 @@ leaving it out would flatter its arm. A look at n seeds takes the worst of these
 seed can change it. No look counts a failed run: training it again may end well.
 """
 
+import math
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from itertools import count, takewhile
@@ -73,7 +74,17 @@ class Pair:
 
     def one_by_one(self) -> list[float]:
         """The unbroken differences, each as it was when its seed was the last one."""
-        return [self.at(seed)[-1] for seed in range(1, self.unbroken + 1)]
+        found, worst = list[float](), math.inf
+        for seed in range(1, self.unbroken + 1):
+            values = [arm.values[seed] for arm in self.measured if seed in arm.values]
+            worst = min([worst, *values])
+            better, worse = (arm.values.get(seed, worst) for arm in self.measured)
+            found.append(better - worse if values else 0.0)
+        return found
+
+    def is_whole(self, seeds: int) -> bool:
+        """Whether none of the runs of seeds 1 to n is lost."""
+        return not any(seed <= seeds for arm in self.measured for seed in arm.lost)
 
     @property
     def _seeds(self) -> list[int]:

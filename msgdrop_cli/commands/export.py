@@ -27,7 +27,7 @@ def export(
     """Write the records in a format that other programs read.
 
     RESULTS is a folder (default: results); the files go to RESULTS/exports/FORMAT, those of what is
-    published to the exports folder beside it.
+    published to exports/published beside it.
     """
     options.check_known(format, _FORMATS, "--format")
     from msgdrop_cli.analysis.summary import summarise

@@ -13,11 +13,11 @@ from msgdrop_cli.definition.load import load_definition
 from msgdrop_cli.definition.plan import Plan, plan
 from msgdrop_cli.definition.spec import Definition
 from msgdrop_cli.errors import DefinitionError, RecordError
+from msgdrop_cli.records.copies import same_logs
 from msgdrop_cli.records.counted import copies_of, preferred
 from msgdrop_cli.records.elsewhere import keep_elsewhere, read_elsewhere, runs_beside
 from msgdrop_cli.records.files import write_bytes_atomic
-from msgdrop_cli.records.packed import log_bytes
-from msgdrop_cli.records.store import ENDED, EPISODES, METRICS, RUN, RunRecord, list_runs
+from msgdrop_cli.records.store import ENDED, RUN, RunRecord, list_runs
 from msgdrop_cli.records.sums import list_sums, sums_of
 from msgdrop_cli.report.write import FIGURES, Folder
 
@@ -44,10 +44,10 @@ def publish(
 ) -> int:
     """Copy a question's finished runs to be committed.
 
-    The numbers of every run go along, the policy of each variant's lowest seed. A copy that says
-    the same as the run stays as it is, with its policy or without one. Runs that another study in
-    the same folder has are named (elsewhere.json), not copied. Tables and figures are of
-    all runs that are published then, those of before included; SHA256SUMS lists every file.
+    The numbers of every run go along, the policy of each variant's lowest seed; a copy that says
+    the same stays, even if its policy was taken out. Runs that another study in the same folder has
+    are named (elsewhere.json), not copied. Tables and figures are of all runs that are published
+    then, those of before included; SHA256SUMS lists every file.
     """
     options.check_place(to, "--to")
     definition = load_definition(name)
@@ -105,9 +105,8 @@ def _runs(asked: Plan, results: Path, study: Path) -> _Runs:
         if published and own:
             _refuse_diverged(own, published)
         if run.run_id in kept:
-            mine = own and as_planned(own, run)
-            if mine and not (kept[run.run_id].run == mine.run and _alike(kept[run.run_id], mine)):
-                here[run.run_id] = mine
+            if own:
+                here[run.run_id] = as_planned(own, run)
         elif lies := [each for each in preferred(beside.get(run.run_id, ())) if _alike(each, own)]:
             named[run.run_id] = as_planned(lies[0], run)
         elif best and best[0].status == "done":
@@ -120,10 +119,7 @@ def _alike(published: RunRecord, own: RunRecord | None) -> bool:
     """Whether the published copy can stand for an own one: it was made of it, or there is none."""
     if own is None:
         return True
-    logs = (METRICS, EPISODES)
-    return published.status == own.status and all(
-        log_bytes(published.path / log) == log_bytes(own.path / log) for log in logs
-    )
+    return published.status == own.status and same_logs(published, own)
 
 
 def _refuse_diverged(own: RunRecord, published: RunRecord) -> None:

@@ -7,7 +7,7 @@ from pathlib import Path
 from msgdrop_cli.errors import RecordError
 from msgdrop_cli.records.files import CANNOT_WRITE, write_json_atomic
 from msgdrop_cli.records.packed import log_bytes, pack, packed_name
-from msgdrop_cli.records.store import EPISODES, METRICS, POLICY, RUN, RunRecord
+from msgdrop_cli.records.store import EPISODES, METRICS, POLICY, RUN, RunRecord, list_runs
 from msgdrop_cli.records.temporary import TEMPORARY, put_in_place
 from msgdrop_cli.signals import scratch_folder
 
@@ -22,6 +22,38 @@ def with_policy(records: Sequence[RunRecord]) -> set[str]:
         arm = (record.environment, record.variant)
         lowest[arm] = min(record, lowest.get(arm, record), key=lambda each: each.seed)
     return {record.run_id for record in lowest.values()}
+
+
+def is_copied(record: RunRecord, target: Path, *, policy: bool) -> bool:
+    """Whether a copy of this very run lies there, and nothing else; its policy may be missing.
+
+    policy: whether it may have one, which is the run's if that has one. What is damaged is none.
+    """
+    kept = target / POLICY
+    try:
+        [copy] = list_runs(target) if (target / RUN).is_file() else [None]
+        return (
+            copy is not None
+            and copy.run == record.run
+            and same_logs(copy, record)
+            and {path.name for path in target.iterdir()} <= {*FILES}
+            and (not kept.exists() or (policy and _is_policy_of(record, kept.read_bytes())))
+        )
+    except (RecordError, OSError):
+        return False  # who copies the run once more says what is wrong with it
+
+
+def same_logs(one: RunRecord, other: RunRecord) -> bool:
+    """Whether two copies of a run have the same numbers; RecordError if a log is damaged."""
+    return all(
+        log_bytes(one.path / log) == log_bytes(other.path / log) for log in (METRICS, EPISODES)
+    )
+
+
+def _is_policy_of(record: RunRecord, content: bytes) -> bool:
+    """Whether it is the run's, or the run has lost its own."""
+    own = record.path / POLICY
+    return not own.exists() or own.read_bytes() == content
 
 
 def copy_run(record: RunRecord, target: Path, *, policy: bool) -> None:

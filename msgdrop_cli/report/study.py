@@ -13,7 +13,7 @@ from msgdrop_cli.analysis.summary import Summary, summarise
 from msgdrop_cli.analysis.verdict import Verdict
 from msgdrop_cli.definition.judged import judged_at
 from msgdrop_cli.definition.spec import Claim, Definition
-from msgdrop_cli.records.copies import copy_run, with_policy
+from msgdrop_cli.records.copies import copy_run, is_copied, with_policy
 from msgdrop_cli.records.references import References
 from msgdrop_cli.records.store import RunRecord
 from msgdrop_cli.report.figures import draw_all
@@ -79,16 +79,18 @@ def publish(
 ) -> list[Path]:
     """Copy finished runs below a folder: their numbers, packed, and each lowest seed's policy.
 
-    A run that lies in the folder stays as it is. One that stands in the place of a copy replaces it
-    as a whole. elsewhere: runs of the same study that lie in another one. Returns the paths in the
-    folder. Raises RecordError, damaged (2) or not writable (73, 74), with nothing half-copied.
+    A run that lies in the folder stays as it is, and a copy that says the same; any other one is
+    replaced as a whole. elsewhere: runs of the same study that lie in another one. Returns the
+    paths in the folder. Raises RecordError, damaged (2) or not writable (73, 74), with nothing
+    half-copied.
     """
     policies = with_policy([*records, *elsewhere])
     copies = []
     for record in records:
         target = folder.at(record.environment).made() / record.path.name
-        if record.path != target:
-            copy_run(record, target, policy=record.run_id in policies)
+        policy = record.run_id in policies
+        if record.path != target and not is_copied(record, target, policy=policy):
+            copy_run(record, target, policy=policy)
         copies.append(target)
     return copies
 
