@@ -128,6 +128,15 @@ def test_one_side_cannot_be_contradicted(tmp_path: Path) -> None:
     assert (verdict.evidence.p, verdict.evidence.smallest_p) == (1.0, 1 / 64)
 
 
+def test_one_side_says_at_any_stop_what_has_no_interval_yet(tmp_path: Path) -> None:
+    """Five seeds that agree are worth 23 to who bets on one side; the interval takes both."""
+    records = arms(tmp_path, [11] * 5, [1] * 5)
+    verdict = verdict_on(records, rule=replace(AT_SIX, sides=1))
+    assert verdict.anytime is not None
+    assert verdict.anytime.interval is None
+    assert "; at any stop, alone: p 0.043; 10 of the runs" in verdict.reason
+
+
 def test_without_a_registration_there_are_estimates_only(tmp_path: Path) -> None:
     """However clear: nobody said beforehand when to look."""
     verdict = verdict_on(arms(tmp_path, HIGH, LOW), rule=None)
