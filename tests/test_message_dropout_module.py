@@ -64,6 +64,21 @@ def test_separate_blocks_may_have_different_sizes(keeps_own: bool) -> None:
     assert torch.equal(own, joint[:, 0, :1].expand(50, 9))
 
 
+@pytest.mark.parametrize(("size", "width"), [(9, 5), (5, 9)])
+def test_elements_of_separate_blocks_have_a_draw_each(size: int, width: int) -> None:
+    """Own observation and messages take what is theirs of the widest mask, new or given."""
+    drop = MessageDropout(0.5, "element", keeps_own=False)
+    keep = drop.mask(500, 1 + 3, max(size, width))
+    assert keep.shape == (500, 1 + 3, 9)
+    own, heard = drop(torch.ones(500, size), torch.ones(500, 3, width), keep=keep)
+    assert torch.equal(own, keep[:, 0, :size])
+    assert torch.equal(heard, keep[:, 1:, :width])
+    own, heard = drop(torch.ones(500, size), torch.ones(500, 3, width))
+    assert (own.shape, heard.shape) == ((500, size), (500, 3, width))
+    assert 0.45 < float(own.mean()) < 0.55
+    assert set(own.sum(-1).unique().tolist()) > {1.0, 2.0, 3.0, 4.0}
+
+
 def test_one_mask_serves_two_calls() -> None:
     """As for m and m' in the paper's loss; evaluation takes none."""
     drop = MessageDropout(0.5)

@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from benchmarks import campaign
+from msgdrop_cli.definition.channel import Channel
 from msgdrop_cli.definition.load import list_definitions, load_definition
 from msgdrop_cli.definition.plan import plan
 from msgdrop_cli.definition.readings import all_readings, held_by, readings_of
@@ -105,6 +106,17 @@ def test_policies_that_explore_are_evaluated_beside_greedy_ones(tmp_path: Path) 
     for record in list_runs(store.results):
         assert {each.key for each in record.episodes()} >= {"links:0", "links:0+epsilon:0.02"}
     assert "epsilon" not in store.ablate().out
+
+
+def test_who_explores_already_is_not_evaluated_twice() -> None:
+    """A question may ask for exploration itself; its claims stay about what they say."""
+    links = QUESTIONS["broken-links"]
+    own = tuple(map(Channel.read, ("none", "half+epsilon:0.1", "none+epsilon:0.02")))
+    claims = [replace(links.claims[0], channel=channel) for channel in own[:2]]
+    asked = replace(links, channels=own, claims=tuple(claims))
+    read = plan(asked, "paper", CATALOGUE, readings=("exploring",))
+    assert read.channels == own
+    assert [c.channel for c in read.definition.claims] == [own[2], own[1]]
 
 
 def test_what_is_typed_lies_over_a_reading() -> None:

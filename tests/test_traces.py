@@ -228,6 +228,7 @@ def test_the_trace_of_the_page_is_one(tmp_path: Path) -> None:
     file.write_text(shown)
     found = asked(file).file
     assert found is not None
+    assert f"`trace:{found}`" in page
     trace = found.trace()
     assert (trace.agents, trace.steps) == (6, 2)
     assert [age for age in trace.ages if age != LOST] == [0, 2]

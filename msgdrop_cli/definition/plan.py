@@ -111,7 +111,7 @@ def plan(
         definition=about_explored(definition, readings) if exploring else definition,
         profile=called,
         runs=tuple(runs),
-        channels=(*channels, *exploring),
+        channels=tuple(dict.fromkeys((*channels, *exploring))),
         evaluation_episodes=chosen.evaluation_episodes,
     )
 

@@ -102,11 +102,17 @@ def apart(called: str, profiles: Iterable[str]) -> tuple[str, tuple[str, ...]]:
 
 
 def explored_in(channels: tuple[Channel, ...], readings: Sequence[str]) -> tuple[Channel, ...]:
-    """The evaluations that readings ask for of policies that explore; none, as a rule."""
+    """The evaluations that readings ask for of policies that explore; none, as a rule.
+
+    Each is named once, and one that asks for exploration by itself is left as it is.
+    """
     epsilons = {all_readings()[name].evaluation_epsilon for name in readings} - {0.0}
-    return tuple(
-        replace(channel, epsilon=epsilon) for epsilon in sorted(epsilons) for channel in channels
-    )
+    asked = [
+        replace(channel, epsilon=channel.epsilon or epsilon)
+        for epsilon in sorted(epsilons)
+        for channel in channels
+    ]
+    return tuple(dict.fromkeys(asked))
 
 
 def about_explored(definition: Definition, readings: Sequence[str]) -> Definition:

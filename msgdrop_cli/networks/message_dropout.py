@@ -54,25 +54,27 @@ class MessageDropout(nn.Module):
 
         own: blocks [..., 1+S, M], the own observation first, then S messages; returns them. Or own
         [..., O] alone with messages [..., S, M], where the two are apart; returns both.
-        keep: a mask of `mask()` instead of a new one, in training only.
+        keep: a mask of `mask()` instead of a new one, in training; in evaluation it is not asked.
         Raises ValueError, which says what was expected, for other shapes and for whole numbers.
         """
         _check_shapes(own, messages, keep)
         if messages is None:
             return _times(own, self._factors(own.shape, own.device, keep))
-        senders, width = messages.shape[-2:]
-        factors = self._factors((*messages.shape[:-2], 1 + senders, width), messages.device, keep)
-        heard = _times(messages, factors[..., 1:, :])
+        (*outer, senders, width), size = messages.shape, own.shape[-1]
+        widest = width if self.keeps_own else max(width, size)
+        factors = self._factors((*outer, 1 + senders, widest), messages.device, keep)
+        heard = _times(messages, factors[..., 1:, :width])
         if self.keeps_own:
             return own, heard
-        return _times(own[..., None, :], factors[..., :1, :]).squeeze(-2), heard
+        return _times(own[..., None, :], factors[..., :1, :size]).squeeze(-2), heard
 
     def mask(self, *shape: int, device: torch.device | str | None = None) -> Tensor:
         """Draw a keep mask for blocks of this shape (..., 1+S, M), 1 = it passes.
 
         For losses that need the same mask twice: DCC-MD's target sees m' through the mask of m
-        (l. 241). Returns [..., 1+S, 1] float32, or [..., 1+S, M] for kind "element". Raises
-        ValueError for a shape that is none.
+        (l. 241). Returns [..., 1+S, 1] float32, or [..., 1+S, M] for kind "element" (M: the wider
+        of O and M where own observation and messages are apart). Raises ValueError for a shape that
+        is none.
         """
         if len(shape) < 2 or min(shape) < 0 or shape[-2] < 1:
             raise ValueError(f"a mask needs the shape of blocks (..., 1+S, M), not {shape}")
