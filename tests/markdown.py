@@ -37,7 +37,8 @@ class Page(NamedTuple):
 
     def code(self, language: str) -> list[str]:
         """Its blocks of code in a language."""
-        return re.findall(rf"```{language}\n(.*?)```", self.text, re.DOTALL)
+        blocks = re.findall(r"^ *```(\w*)\n(.*?)^ *```$", self.text, re.DOTALL | re.MULTILINE)
+        return [block for name, block in blocks if name == language]
 
     def commands(self) -> list[str]:
         """The lines of its blocks of commands, without what is said about them."""

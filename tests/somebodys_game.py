@@ -90,6 +90,18 @@ class Leaving(Echo):
         return {2: ["red"], 4: ["green", "blue"]}.get(self.elapsed, [])
 
 
+class Gossip(Leaving):
+    """It goes on telling those who have left."""
+
+    def seen(self) -> Rows:
+        """Everybody sees ones."""
+        return {agent: np.ones((2, 1), np.float32) for agent in self.possible_agents}
+
+    def gains(self, actions: Rows) -> Rows:
+        """Everybody gets one."""
+        return dict.fromkeys(self.possible_agents, 1.0)
+
+
 class Restless(Echo):
     """Its bits come from nowhere: it does not repeat itself."""
 

@@ -38,6 +38,13 @@ def test_a_value_comes_from_the_last_who_says_it(setting: str, value: str, origi
     assert (notation(row["value"]), row["origin"]) == (value, origin)
 
 
+def test_a_game_of_other_people_is_one() -> None:
+    """Records call it by another name than who asks for it."""
+    game = "tests.somebodys_game:Echo"
+    rows = shown("--env", game, "--algorithm", "dcc")
+    assert rows["algorithm.f_units"]["origin"] == f"our sizes for {game}: algorithm"
+
+
 def test_what_an_algorithms_name_means_is_said() -> None:
     """FDC is DCC without messages."""
     assert shown("--algorithm", "fdc")["algorithm.network"]["origin"] == "algorithm fdc"

@@ -23,6 +23,7 @@ from msgdrop_cli.records.packed import read_log
 from msgdrop_cli.records.remembering import remembering
 from msgdrop_cli.records.sources import code, code_files
 from msgdrop_cli.records.store import EPISODES, METRICS, RUNS, RunRecord, list_runs
+from msgdrop_cli.records.sums import list_sums
 from tests.fake_runs import write_run
 
 METRIC = "catches_per_500"
@@ -218,6 +219,13 @@ def test_nothing_is_kept_in_a_run(home: Path) -> None:
     """That lies in no results folder."""
     alone = list_runs(home)[0].path.rename(home / "alone")
     summarise(runs_in(alone))
+    assert not [*home.rglob(DERIVED)]
+
+
+def test_nothing_is_kept_in_a_copy_of_what_is_published(home: Path) -> None:
+    """Every file of it is listed, and one more would be a difference."""
+    list_sums(home)
+    summarise(runs_in(home))
     assert not [*home.rglob(DERIVED)]
 
 

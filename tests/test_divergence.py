@@ -117,6 +117,7 @@ def test_in_a_cohort_only_one_ends(tmp_path: Path, monkeypatch: pytest.MonkeyPat
     assert (first.status, second.status) == ("diverged", "done")
     assert "not finite at 176 env steps" in str(first.reason)
     assert count_jsonl(first.path / METRICS) == 2
+    assert (first.env_steps, second.env_steps) == (176, 480)
     assert count_jsonl(second.path / METRICS) == 6
 
 

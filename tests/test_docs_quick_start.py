@@ -49,7 +49,7 @@ def test_they_show_what_the_page_promises(said: dict[str, Said], clone: Path) ->
     """Tables with verdicts, a figure, a page, references beside what was trained."""
     assert "supported" in said["unstable-test"].out
     assert (clone / said["plot"].out.splitlines()[-1]).is_file()
-    assert "<html" in (clone / "episode.html").read_text()
+    assert "<html" in (clone / "results/figures/episode.html").read_text()
     assert "(random)" in said["train"].out
     assert "(scripted)" in said["train"].out
     assert "loss 0.2" in said["eval"].out

@@ -6,6 +6,7 @@ import io
 import json
 import re
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +17,7 @@ from msgdrop_cli.analysis.summary import summarise
 from msgdrop_cli.commands.export import _FORMATS
 from msgdrop_cli.errors import DefinitionError, RecordError, to_install
 from msgdrop_cli.records.store import RunRecord
+from msgdrop_cli.report.cells import csv_bytes
 from msgdrop_cli.report.export import FORMATS, export_files
 from msgdrop_cli.report.write import Folder, write_folder
 from tests.cli_runs import msgdrop
@@ -90,6 +92,11 @@ def test_csv_has_the_log_as_it_is(records: list[RunRecord]) -> None:
     assert {row["label"] for row in rows} == {"DCC, plain", "'=MD"}
 
 
+def test_no_column_is_a_formula() -> None:
+    """Metrics are called as records of other people call them."""
+    assert csv_bytes(["seed", "=1+1"], [[1, "=2"]]) == b"seed,'=1+1\n1,'=2\n"
+
+
 def test_parquet_has_the_same_table(records: list[RunRecord]) -> None:
     """Read back by pyarrow, where it is installed."""
     parquet = pytest.importorskip("pyarrow.parquet")
@@ -139,7 +146,8 @@ def test_rliable_gets_runs_by_games(records: list[RunRecord]) -> None:
 
 def test_a_research_object_names_every_run(records: list[RunRecord]) -> None:
     """What RO-Crate 1.1 demands, digests of what lies beside it, and why a run is dropped."""
-    files = exported(records, "ro-crate")
+    again = [replace(each, run={**each.run, "definition": "another"}) for each in records]
+    files = exported([*records, *again], "ro-crate")
     crate = json.loads(files["ro-crate-metadata.json"])
     assert crate["@context"] == "https://w3id.org/ro/crate/1.1/context"
     graph: dict[str, dict[str, Any]] = {each["@id"]: each for each in crate["@graph"]}

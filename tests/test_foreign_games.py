@@ -56,6 +56,14 @@ def test_what_cannot_be_learnt_is_refused_in_a_line(game: str, said: str) -> Non
     assert said in str(caught.value)
 
 
+def test_who_has_left_sees_and_gets_nothing() -> None:
+    """Whatever the game goes on saying; what comes with the end itself counts."""
+    live = Live(survey("tests.somebodys_game:Gossip"))
+    live.go_to(1, torch.empty(0, 3))
+    told = [(live.step(torch.zeros(3)).reward.tolist(), live.obs.sum(-1).tolist()) for _ in "123"]
+    assert told == [([1.0] * 3, [2.0] * 3)] * 2 + [([0.0, 1.0, 1.0], [0.0, 2.0, 2.0])]
+
+
 def test_a_step_is_the_games_own() -> None:
     """Observations, rewards and ends of every game in the batch; agents who left see zeros."""
     config = survey("tests.somebodys_game:Leaving")

@@ -101,6 +101,18 @@ def test_a_learner_is_not_trained_where_it_has_no_sizes(saved: Path) -> None:
     assert "no SIZES in blackout.py" in said.err
 
 
+def test_a_learners_sizes_may_be_those_of_any_pettingzoo_game(
+    saved: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """They are called `foreign`, as in our own table of them."""
+    monkeypatch.setattr(learners()["blackout"], "SIZES", {"foreign": BOTH})
+    said = typed(
+        *("msgdrop_cli/algorithms/blackout.py", "--env", "tests.somebodys_game:Echo"),
+        *("--dry-run", "--json"),
+    )
+    assert said.code == 0, said.err
+
+
 @pytest.mark.parametrize(
     ("sizes", "message"),
     [

@@ -37,6 +37,7 @@ from msgdrop_cli.definition.spec import (
     RunSpec,
     TrainingSpec,
     Variant,
+    is_factory,
     record_name,
 )
 from msgdrop_cli.definition.strict import Where, overlay, parse, shallow, shown
@@ -200,7 +201,7 @@ class Resolver:
             sizes = self.catalogue.sizes(environment, named.learner)
         except DefinitionError as error:
             raise DefinitionError(f"{environment}, {variant}: {error}") from None
-        papers = Where(f"paper settings of {environment}")
+        papers = _source_of(environment)
         algorithm = [
             (papers.at("algorithm"), sizes.algorithm),
             (Where(f"algorithm {arm.algorithm['name']}"), named.overrides),
@@ -283,3 +284,9 @@ def _at(place: Where) -> Iterator[None]:
         yield
     except DefinitionError as error:
         raise place.error(str(error)) from None
+
+
+def _source_of(environment: str) -> Where:
+    """Where a learner's sizes in a game are from; of games of other people the paper knows none."""
+    whose = "our sizes for" if is_factory(environment) else "paper settings of"
+    return Where(f"{whose} {environment}")

@@ -35,7 +35,7 @@ def catalogue() -> Catalogue:
         place = Where(f"{name}.py").at("SIZES")
         own = convert(getattr(module, "SIZES", {}), Mapping[str, Any], place)
         by_both = {game: {name: tables} for game, tables in own.items()}
-        sizes |= sizes_of(by_both, place, environments, configs)
+        sizes |= sizes_of(by_both, place, {*environments, FOREIGN}, configs)
     theirs = (resources.files(foreign) / _SIZES).read_bytes()
     sizes |= sizes_in(theirs, Where(_SIZES), {FOREIGN}, configs)
     for file, content in files.items():

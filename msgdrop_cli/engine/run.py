@@ -194,9 +194,11 @@ class _Session:
             self.headline[number] = metrics[number][next(iter(training.env.metrics))]
 
     def _diverge(self, number: int, what: str, updates: int) -> None:
-        """A run ends here; the others of its cohort go on."""
-        at = f"{self.training.env_steps} env steps, after {updates} updates"
-        self.runs[number].diverged = f"{what} is not finite at {at}"
+        """A run ends here, and is never gone on with; the others of its cohort go on."""
+        run, at = self.runs[number], f"{self.training.env_steps} env steps, after {updates} updates"
+        run.diverged = f"{what} is not finite at {at}"
+        sync_file(run.path / METRICS)
+        run.write_down("diverged", run.diverged, **self._progress_facts(run))
 
     def _checkpoint_unless_put_off(self) -> None:
         if time.monotonic() >= self.put_off_until:
@@ -234,11 +236,11 @@ class _Session:
     def _close(self, status: Status) -> list[Outcome]:
         outcomes = []
         for run in self.runs:
-            sync_file(run.path / METRICS)
+            if not run.diverged:
+                sync_file(run.path / METRICS)
+                run.write_down(status, run.note, **self._progress_facts(run))
             word: Status = "diverged" if run.diverged else status
-            reason = run.diverged or run.note
-            run.write_down(word, reason, **self._progress_facts(run))
-            outcomes.append(_outcome(run.planned, run.path, word, reason))
+            outcomes.append(_outcome(run.planned, run.path, word, run.diverged or run.note))
             remove_file(run.path / PROGRESS)
         return outcomes
 

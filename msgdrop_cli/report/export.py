@@ -4,7 +4,7 @@ import json
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
-from msgdrop_cli.analysis.summary import Summary
+from msgdrop_cli.analysis.summary import Summary, once_each
 from msgdrop_cli.records.store import RunRecord
 from msgdrop_cli.report.cells import csv_bytes
 from msgdrop_cli.report.export_crate import METADATA, crate_metadata, manifest
@@ -42,8 +42,9 @@ def _rliable(_: Sequence[RunRecord], summary: Summary) -> Files:
 
 
 def _ro_crate(records: Sequence[RunRecord], summary: Summary) -> Files:
-    files = {**_csv(records, summary), "runs.csv": _csv_table(manifest(records))}
-    return {METADATA: _json(crate_metadata(records, files)), **files}
+    runs = once_each(records)
+    files = {**_csv(records, summary), "runs.csv": _csv_table(manifest(runs))}
+    return {METADATA: _json(crate_metadata(runs, files)), **files}
 
 
 FORMATS: Mapping[str, Callable[[Sequence[RunRecord], Summary], Files]] = {

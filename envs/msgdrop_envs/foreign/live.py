@@ -62,8 +62,10 @@ class Live:
         }
         observations, rewards, _, truncations, _ = self._game.step(chosen)
         self.steps += 1
-        self._see(observations)
-        reward = torch.tensor([float(rewards.get(name, 0.0)) for name in names])
+        # Some games go on telling those who have left before; they see and get nothing.
+        self._see({name: seen for name, seen in observations.items() if name in playing})
+        got = {name: reward for name, reward in rewards.items() if name in playing}
+        reward = torch.tensor([float(got.get(name, 0.0)) for name in names])
         over = not self._game.agents
         cut = over and any(truncations.values())
         if cut and self.steps < self._config.time_limit:

@@ -15,7 +15,7 @@ from msgdrop_cli.definition.catalogue import Catalogue, NamedAlgorithm, PaperSiz
 from msgdrop_cli.definition.overrides import parse_override
 from msgdrop_cli.definition.paper import paper_sizes, sizes_in, sizes_of
 from msgdrop_cli.definition.plan import plan
-from msgdrop_cli.definition.spec import Claim, Definition, is_factory
+from msgdrop_cli.definition.spec import FOREIGN, Claim, Definition, is_factory
 from msgdrop_cli.definition.strict import Where, convert
 from msgdrop_cli.errors import DefinitionError, Mistakes, nearest
 
@@ -88,7 +88,8 @@ def told() -> Catalogue | None:
         tree = sources.module(each.package, each.module).tree
         own = sources.tables(tree.body, "SIZES").items()
         by_both = {game: {each.module: tables} for game, tables in own}
-        sizes |= sizes_of(by_both, Where(f"{each.module}.py").at("SIZES"), environments, configs)
+        place = Where(f"{each.module}.py").at("SIZES")
+        sizes |= sizes_of(by_both, place, {*environments, FOREIGN}, configs)
     for game in games:
         for file, text in sources.texts(game.package, "sizes.toml").items():
             sizes |= sizes_in(text.encode(), Where(str(file)), environments, configs)
