@@ -28,6 +28,7 @@ def test_every_command_calls_a_run_alike(store: Store, tmp_path: Path) -> None:
         assert f"evaluated    {name}  (" in said.err
     said = msgdrop("unstable-test", copy.results, "--links", "--episodes", "1")
     assert f"evaluating   {name}, without each of its links\n" in said.err
+    assert "What each link is worth, pursuit-n6, profile quick, " in said.out
 
 
 def test_a_terminal_is_told_the_channel(

@@ -1,5 +1,6 @@
 """What becomes of the copies that are there when a study is published once more."""
 
+import shutil
 from pathlib import Path
 
 from msgdrop_cli.records.store import list_runs
@@ -10,6 +11,18 @@ def publish(folder: Path) -> Said:
     """Publish the question of `filled_store`."""
     where = ("--results", folder / "results", "--to", folder / "results" / "published")
     return msgdrop("publish", folder / "tiny.toml", *where)
+
+
+def test_who_evaluates_own_runs_is_told_of_published_ones(tmp_path: Path) -> None:
+    """Of those that are no copies of the own ones."""
+    filled_store(tmp_path)
+    assert publish(tmp_path).code == 0
+    results = tmp_path / "results"
+    said = msgdrop("eval", results, "--episodes", "2", "--workers", "1")
+    assert "published" not in said.err
+    shutil.rmtree(next((results / "runs").rglob("dcc-s1-*")))
+    said = msgdrop("eval", results, "--episodes", "2", "--workers", "1")
+    assert "1 finished run left out: they are published, and there are your own" in said.err
 
 
 def test_a_copy_that_says_the_same_stays_as_it_is(tmp_path: Path) -> None:

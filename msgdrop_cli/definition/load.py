@@ -70,7 +70,7 @@ class QuestionFile:
     source: str
     """Who asks: a place in the paper, or you, e.g. `"ours"`."""
     environments: tuple[str, ...]
-    """The games, by the names that `--env` takes, e.g. `["pursuit-n6"]`."""
+    """The games, by the names that `--env` takes (no factories), e.g. `["pursuit-n6"]`."""
     channels: tuple[Channel, ...] = field(default=(NONE_BROKEN,), metadata={"also": "broken_links"})
     """An evaluation after training through each: shares of broken links, or other kinds with their
     settings; without it no link is broken, e.g. `["none", "half", 1.0]`."""

@@ -61,6 +61,9 @@ def measurable_runs(
             if (run.path / POLICY).is_file() or run.has_episodes(channels, episodes)
         ]
         if runs:
+            others = {run.run_id for run in done} - {run.run_id for run in candidates}
+            published = "they are published, and there are your own: name their folder to ask them"
+            _note_left_out(len(others), published)
             reason = f"they have neither a policy nor {episodes:,} episodes of each channel"
             _note_left_out(len(candidates) - len(runs), reason)
             return runs

@@ -39,11 +39,11 @@ def show_links(results: Path, *, episodes: int | None, device: str, as_json: boo
     if as_json:
         console.result_json([{**_line(*each), "episodes": count} for each in found])
         return 0
-    for environment in dict.fromkeys(run.environment for run, _, _ in found):
-        rows = [_row(*each) for each in found if each[0].environment == environment]
+    for scale in dict.fromkeys(_scale(run) for run, _, _ in found):
+        rows = [_row(*each) for each in found if _scale(each[0]) == scale]
         console.table(
             Table(
-                title=f"What each link is worth, {environment}",
+                title=f"What each link is worth, {scale}",
                 headers=("variant", "seed", "all links", "mean cost", "cost most: agents (return)"),
                 rows=tuple(rows),
                 caption=f"return = sum over agents and steps, mean of {count:,} greedy episodes"
@@ -54,6 +54,11 @@ def show_links(results: Path, *, episodes: int | None, device: str, as_json: boo
             numbers_from=1,
         )
     return 0
+
+
+def _scale(run: RunRecord) -> str:
+    """What the runs of one table share."""
+    return f"{run.environment}, profile {run.profile}, {run.env_steps:,} env steps a run"
 
 
 def _row(run: RunRecord, whole: float, links: "Sequence[Link]") -> tuple[str, ...]:
