@@ -34,7 +34,7 @@ def is_allowed(factory: str) -> bool:
 def refuse_unasked(factory: str) -> None:
     """GameError, which says how to ask, unless the user has asked for this factory."""
     if not is_allowed(factory):
-        asking = f"name the run's own folder, or say {_WISH}={factory}"
+        asking = f"say {_WISH}={factory}, or eval the run's own folder"
         raise GameError(f"{factory}: is other people's code, and not played unasked; {asking}")
 
 
