@@ -195,8 +195,9 @@ def test_an_interval_within_the_margin_is_level(tmp_path: Path) -> None:
     level = verdict_on(arms(tmp_path / "1", better, worse), rule=rule)
     assert (level.verdict, level.difference) == ("level", 0.0)
     assert level.reason.endswith(
-        "surely within 1 of 0; 24 of the runs are from before "
-        f"{registered_as(asking(CLAIM, rule=rule), 'pursuit-n6')} was registered"
+        "surely within 1 of 0; 24 of the runs were planned before "
+        f"{registered_as(asking(CLAIM, rule=rule), 'pursuit-n6')} was registered, or by another"
+        " question"
     )
     wide = verdict_on(arms(tmp_path / "2", [10, 20] * 6, [20, 10] * 6), rule=rule)
     assert wide.verdict == "undecided"
@@ -238,6 +239,6 @@ def test_a_changed_registration_is_told(tmp_path: Path) -> None:
             records[number], run={**records[number].run, "registration": name}
         )
     assert verdict_on(records).reason.endswith(
-        f"3 of the runs are from before {this} was registered; "
+        f"3 of the runs were planned before {this} was registered, or by another question; "
         f"2 of the runs were trained under test:00000000, not {this}"
     )

@@ -7,14 +7,16 @@ from tests.cli_runs import ROOT
 from tests.markdown import Page, named, page
 
 PAGE = page("does-it-help.md")
-JUDGED = Page((ROOT / "results" / "README.md").read_text()).section("Judged again")
+RESULTS = Page((ROOT / "results" / "README.md").read_text())
+JUDGED = RESULTS.section("Judged again")
+EIGHT = RESULTS.text.partition("### With eight agents")[2].partition("\n## ")[0]
 LINE = re.compile(r"^\* (.*): \*\*([\w -]+)\*\*$", re.MULTILINE)
 
 
-def told() -> list[tuple[str, str]]:
-    """Every claim of the page with its verdict."""
+def told(text: str = PAGE.text) -> list[tuple[str, str]]:
+    """Every claim of a page with its verdict."""
     found = []
-    for claims, word in LINE.findall(PAGE.text):
+    for claims, word in LINE.findall(text):
         place, _, rest = claims.rpartition(": ")
         found += [(f"{place}: {claim}" if place else claim, word) for claim in rest.split(", ")]
     return found
@@ -32,7 +34,7 @@ def judged() -> list[tuple[str, str]]:
         else:
             claim = last.replace("after training", rest)
         found.append((claim, now))
-    return found
+    return found + [(f"N = 8, {claim}", word) for claim, word in told(EIGHT)]
 
 
 def test_every_claim_is_told_with_its_verdict() -> None:

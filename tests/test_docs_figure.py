@@ -35,7 +35,10 @@ def test_the_steps_are_numbered_in_their_order() -> None:
 def test_the_run_is_the_one_that_is_planned() -> None:
     """Its id, and that it is among those published, of which the figure was drawn."""
     asked = plan(load_definition("broken-links"), "two-million", catalogue())
-    [run] = [run for run in asked.runs if (run.variant, run.spec.seed) == ("md-0.2", 1)]
+    first = ("pursuit-n6", "md-0.2", 1)
+    [run] = [
+        run for run in asked.runs if (run.spec.environment, run.variant, run.spec.seed) == first
+    ]
     [name] = [step for step in STEPS if step[0].startswith("4.")]
     assert named(name[2]) == [run.run_id]
     study = ROOT / "results" / "published" / "broken-links-two-million"

@@ -276,7 +276,7 @@ def test_claims_table(tmp_path: Path) -> None:
     assert row[5].startswith(
         "first registered look at 6 seeds; below 3 seeds there is no forecast;"
     )
-    assert "; 4 of the runs are from before" in row[5]
+    assert "; 4 of the runs were planned before" in row[5]
     missing = Verdict(claim=claim, verdict="undecided", reason="no run of dcc")
     assert claims_table([missing]).rows[0][3] == "\u2013"
 

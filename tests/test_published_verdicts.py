@@ -4,7 +4,7 @@ from collections import Counter
 
 import pytest
 
-from benchmarks.readme.studies import PUBLISHED, SIX, study
+from benchmarks.readme.studies import EIGHT, PUBLISHED, SIX, study
 from msgdrop_cli.analysis.verdict import Verdict
 from msgdrop_cli.records.store import list_runs
 
@@ -25,7 +25,7 @@ def test_nothing_is_decided_yet(folder: str) -> None:
 
 def test_all_directions_of_the_broken_links_are_the_papers() -> None:
     """Eight of eight, and four of them are supported at the second look."""
-    found = verdicts("broken-links-two-million", "evaluation")
+    found = verdicts("broken-links-two-million", "evaluation", SIX)
     assert all(each.difference is not None and each.difference > 0.0 for each in found)
     supported = {(v.claim.better, v.claim.worse) for v in found if v.verdict == "supported"}
     assert Counter(verdict.verdict for verdict in found) == {"supported": 4, "undecided": 4}
@@ -36,6 +36,16 @@ def test_all_directions_of_the_broken_links_are_the_papers() -> None:
     evidence = [each.evidence for each in found if each.evidence]
     assert Counter(1024 * each.p for each in evidence) == {2: 5, 8: 1, 10: 1, 36: 1}
     assert {each.smallest_p for each in evidence} == {2 / 1024}
+
+
+def test_with_eight_agents_one_direction_is_open() -> None:
+    """Seven of eight supported at the second look, whose alpha is whole: nothing had been seen."""
+    found = verdicts("broken-links-two-million", "evaluation", EIGHT)
+    [other] = [each for each in found if each.verdict != "supported"]
+    assert (other.claim.better, other.claim.worse, other.verdict) == ("md-0.5", "dcc", "undecided")
+    evidence = [each.evidence for each in found if each.evidence]
+    assert Counter(1024 * each.p for each in evidence) == {2: 6, 12: 1, 48: 1}
+    assert {(each.look, each.seeds, each.alpha_spent) for each in evidence} == {(2, 10, 0.025)}
 
 
 def test_whole_messages_beat_elements_after_training_only() -> None:
@@ -88,5 +98,5 @@ def test_published_runs_are_from_before_there_was_a_registration() -> None:
     """They read as before, and the verdict says so."""
     records = list_runs(PUBLISHED)
     assert {record.registration for record in records} == {None}
-    for verdict in verdicts("broken-links-two-million", "evaluation"):
-        assert "20 of the runs are from before broken-links:" in verdict.reason
+    for verdict in verdicts("broken-links-two-million", "evaluation", SIX):
+        assert "20 of the runs were planned before broken-links:" in verdict.reason

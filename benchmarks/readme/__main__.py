@@ -4,7 +4,17 @@ import re
 from collections.abc import Callable
 from pathlib import Path
 
-from benchmarks.readme import helps, judged, navigation, network, own, pursuit, rates, waterworld
+from benchmarks.readme import (
+    eight,
+    helps,
+    judged,
+    navigation,
+    network,
+    own,
+    pursuit,
+    rates,
+    waterworld,
+)
 from msgdrop_cli.records.files import write_bytes_atomic
 
 ROOT = Path(__file__).parents[2]
@@ -14,7 +24,7 @@ PAGES = (
 )
 BLOCKS: dict[str, Callable[[], str]] = {
     name: block
-    for said in (pursuit, rates, own, network, judged, navigation, waterworld, helps)
+    for said in (pursuit, eight, rates, own, network, judged, navigation, waterworld, helps)
     for name, block in said.BLOCKS.items()
 }
 """What writes each block, by the name in its marker."""

@@ -14,6 +14,7 @@ from benchmarks.readme.judged import (
 from benchmarks.readme.rates import STUDY as RATES
 from benchmarks.readme.studies import (
     ALL,
+    EIGHT,
     HALF,
     SIX,
     expect,
@@ -27,22 +28,29 @@ _LISTENERS = ("md-0.2", "md-0.5")
 
 def broken() -> str:
     """Links that break after training, and what of that is decided."""
-    found = study(BROKEN, SIX)
     lines = []
-    for channel in (HALF, ALL):
-        about = [each for each in found.verdicts if each.claim.channel == channel]
-        lines += told(about, f"{channel.short}: ")
-    half, whole = (
-        {found.verdict(each, "dcc", channel).verdict for each in _LISTENERS}
+    for game, agents in ((SIX, ""), (EIGHT, "N = 8, ")):
+        found = study(BROKEN, game)
+        for channel in (HALF, ALL):
+            about = [each for each in found.verdicts if each.claim.channel == channel]
+            lines += told(about, f"{agents}{channel.short}: ")
+    words = {
+        (game, channel): [found.verdict(each, "dcc", channel).verdict for each in _LISTENERS]
+        for game, found in ((each, study(BROKEN, each)) for each in (SIX, EIGHT))
         for channel in (HALF, ALL)
-    )
+    }
     expect(
-        (half, whole) == ({"undecided"}, {"supported"}),
-        "that DCC-MD beats DCC is decided where all links break, and not where half of them do",
+        words
+        == {
+            (SIX, HALF): ["undecided", "undecided"],
+            (EIGHT, HALF): ["supported", "undecided"],
+            **{(game, ALL): ["supported", "supported"] for game in (SIX, EIGHT)},
+        },
+        "where it is decided that DCC-MD beats DCC",
     )
     said = """That it is better to have dropped messages than not to (DCC) is decided where all
-    links break, and not yet where half of them do. Where messages mostly do not arrive, train
-    without any as well, and compare."""
+    links break, and where half of them do for a rate of 0.2 with eight agents. Where messages
+    mostly do not arrive, train without any as well (FDC), and compare."""
     return _page(lines, said)
 
 

@@ -21,7 +21,7 @@ from msgdrop_cli.records.elsewhere import runs_of
 from msgdrop_cli.records.references import find_references, game_key
 
 PUBLISHED = Path(__file__).parents[2] / "results" / "published"
-SIX = "pursuit-n6"
+SIX, EIGHT = "pursuit-n6", "pursuit-n8"
 NONE, HALF, ALL = NONE_BROKEN, Channel.read(0.5), Channel.read(1.0)
 _WIDTH = 100
 _INTERVAL = re.compile(r"\S+ \[[-\d., ]+\]")

@@ -63,7 +63,7 @@ def _groups_of(claim: Claim, summary: Summary) -> list[Group]:
 
 
 def _with_registrations(verdict: Verdict, pair: Pair, name: str | None) -> Verdict:
-    """The verdict, telling which of its runs were trained before this registration stood."""
+    """The verdict, telling which of its runs were not planned under this registration."""
     if name is None:
         return verdict
     others = Counter(
@@ -73,7 +73,7 @@ def _with_registrations(verdict: Verdict, pair: Pair, name: str | None) -> Verdi
         if record.registration != name
     )
     told = [
-        f"{count} of the runs are from before {name} was registered"
+        f"{count} of the runs were planned before {name} was registered, or by another question"
         if other is None
         else f"{count} of the runs were trained under {other}, not {name}"
         for other, count in sorted(others.items(), key=lambda each: each[0] or "")
