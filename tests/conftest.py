@@ -1,6 +1,7 @@
 """What every test shares: torch on one thread, because the number of threads changes bits."""
 
 import gc
+import signal
 import warnings
 from collections.abc import Iterator
 
@@ -10,6 +11,7 @@ import torch
 from msgdrop_cli.engine.arithmetic import THREADS
 
 torch.set_num_threads(THREADS)
+signal.signal(signal.SIGHUP, signal.SIG_DFL)  # `nohup make test` would have programs ignore it
 
 
 @pytest.fixture(autouse=True)

@@ -56,13 +56,13 @@ class Pair:
     @property
     def lost(self) -> int:
         """How many of these have a run that failed or diverged."""
-        return sum(any(seed in arm.lost for arm in self.measured) for seed in self._seeds)
+        return len([seed for seed in self._seeds if any(seed in a.lost for a in self.measured)])
 
     @property
     def unbroken(self) -> int:
         """How many seeds there are up to the first that is missing, or has failed."""
         usable = set(self._seeds) - self.failed
-        return sum(1 for _ in takewhile(usable.__contains__, count(1)))
+        return len([*takewhile(usable.__contains__, count(1))])
 
     def at(self, seeds: int) -> list[float]:
         """The differences of seeds 1 to n as a look at them sees them; fewer if not all are there.
