@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 
-from benchmarks.readme.judged import BROKEN, LABELS, counted, told
+from benchmarks.readme.judged import BROKEN, LABELS, counted, told_by_channel
 from benchmarks.readme.studies import (
     ALL,
     EIGHT,
@@ -31,14 +31,7 @@ def catches() -> str:
 
 def claims() -> str:
     """Every claim, a line a word."""
-    verdicts = study(BROKEN, EIGHT).verdicts
-    return "\n".join(
-        line
-        for channel in (HALF, ALL)
-        for line in told(
-            [each for each in verdicts if each.claim.channel == channel], f"{channel.short}: "
-        )
-    )
+    return "\n".join(told_by_channel(study(BROKEN, EIGHT)))
 
 
 def front() -> str:

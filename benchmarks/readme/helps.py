@@ -10,6 +10,7 @@ from benchmarks.readme.judged import (
     counted,
     of_game,
     told,
+    told_by_channel,
 )
 from benchmarks.readme.rates import STUDY as RATES
 from benchmarks.readme.studies import (
@@ -28,15 +29,11 @@ _LISTENERS = ("md-0.2", "md-0.5")
 
 def broken() -> str:
     """Links that break after training, and what of that is decided."""
-    lines = []
-    for game, agents in ((SIX, ""), (EIGHT, "N = 8, ")):
-        found = study(BROKEN, game)
-        for channel in (HALF, ALL):
-            about = [each for each in found.verdicts if each.claim.channel == channel]
-            lines += told(about, f"{agents}{channel.short}: ")
+    known = {game: study(BROKEN, game) for game in (SIX, EIGHT)}
+    lines = [*told_by_channel(known[SIX]), *told_by_channel(known[EIGHT], "N = 8, ")]
     words = {
         (game, channel): [found.verdict(each, "dcc", channel).verdict for each in _LISTENERS]
-        for game, found in ((each, study(BROKEN, each)) for each in (SIX, EIGHT))
+        for game, found in known.items()
         for channel in (HALF, ALL)
     }
     expect(

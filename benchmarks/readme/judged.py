@@ -3,6 +3,8 @@
 from collections.abc import Callable, Iterable
 
 from benchmarks.readme.studies import (
+    ALL,
+    HALF,
     SIX,
     Study,
     difference,
@@ -112,6 +114,18 @@ def told(verdicts: Iterable[Verdict], place: str = "", verb: str = "beats") -> l
         f"* {place}{', '.join(beats(each, verb) for each in alike)}: **{word}**"
         for word in _WORDS
         if (alike := [each for each in known if each.verdict == word])
+    ]
+
+
+def told_by_channel(found: Study, place: str = "") -> list[str]:
+    """The same for half and then all of the links broken."""
+    return [
+        line
+        for channel in (HALF, ALL)
+        for line in told(
+            (each for each in found.verdicts if each.claim.channel == channel),
+            f"{place}{channel.short}: ",
+        )
     ]
 
 

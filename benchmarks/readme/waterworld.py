@@ -87,8 +87,8 @@ def walls() -> str:
     return table(("policy", *headers), rows)
 
 
-def walls_turn() -> str:
-    """Whether the picture is another one."""
+def walls_said() -> str:
+    """What two seeds say of the walls, and what they do not."""
     turned, stopped = study(_STUDY), study(_WALLS)
     expect(
         all(stopped.after(each).mean < turned.after(each).mean for each in _LABELS),
@@ -110,5 +110,5 @@ BLOCKS: dict[str, Callable[[], str]] = {
     "waterworld-catches": catches,
     "waterworld-learnt": learnt,
     "waterworld-walls": walls,
-    "waterworld-turned": walls_turn,
+    "waterworld-walls-said": walls_said,
 }

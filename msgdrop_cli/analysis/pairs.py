@@ -24,7 +24,7 @@ class Missing(NamedTuple):
     reason: str
 
 
-class Measured(NamedTuple):
+class ArmValues(NamedTuple):
     """One arm's side of a pair; above is better."""
 
     values: Mapping[int, float]
@@ -41,7 +41,7 @@ class Pair:
     group: Group
     better: Arm
     worse: Arm
-    measured: tuple[Measured, Measured]
+    measured: tuple[ArmValues, ArmValues]
     """Of `better` and of `worse`."""
     failed: frozenset[int]
     """Seeds of which a run failed, by the fault of a machine or program."""
@@ -92,7 +92,7 @@ class Pair:
         return sorted(better & worse)
 
 
-def _differences(measured: tuple[Measured, Measured], seeds: Collection[int]) -> dict[int, float]:
+def _differences(measured: tuple[ArmValues, ArmValues], seeds: Collection[int]) -> dict[int, float]:
     """Of these seeds; a lost run has the worst value that either arm has in them, if any has."""
     there = [arm.values[seed] for arm in measured for seed in seeds if seed in arm.values]
     worst = min(there, default=0.0)
@@ -134,9 +134,9 @@ def _paired(
     metric = (better if better.done else worse).metrics.find(claim.metric)
     sign = 1.0 if metric is None or metric.higher_is_better else -1.0
 
-    def measured(arm: Arm) -> Measured:
+    def measured(arm: Arm) -> ArmValues:
         values = {seed: sign * value for seed, value in _values(claim, arm).items()}
-        return Measured(values, frozenset(arm.lost - values.keys()))
+        return ArmValues(values, frozenset(arm.lost - values.keys()))
 
     return Pair(
         claim=claim,
