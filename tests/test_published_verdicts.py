@@ -101,9 +101,25 @@ def test_navigation_in_training_and_after() -> None:
     assert [each.verdict for each in after] == ["undecided"] * 8
 
 
-def test_published_runs_are_from_before_there_was_a_registration() -> None:
-    """But those of waterworld; they read as before, and the verdict says so."""
+def test_with_hubers_loss_neither_rate_beats_dcc() -> None:
+    """Figure 3 d at the second look: both learn better than FDC and worse than simple DCC."""
+    found = verdicts("figure-3d-million-nearest-huber", "learning")
+    words = {(v.claim.better, v.claim.worse): v.verdict for v in found}
+    assert words == {
+        ("md-0.2", "dcc"): "contradicted",
+        ("md-0.2", "fdc"): "supported",
+        ("md-0.5", "dcc"): "contradicted",
+        ("md-0.5", "fdc"): "supported",
+    }
+    assert {1024 * each.evidence.p for each in found if each.evidence} == {2}
+
+
+def test_who_was_planned_under_a_registration() -> None:
+    """The others are from before there was any; they read as before, and the verdict says so."""
     registered = Counter(record.registration for record in list_runs(PUBLISHED))
-    assert {name: registered[name] for name in registered if name} == {"waterworld:add430c6": 12}
+    assert {name: registered[name] for name in registered if name} == {
+        "waterworld:add430c6": 12,
+        "figure-3d:6aca268a": 40,
+    }
     for verdict in verdicts("broken-links-two-million", "evaluation", SIX):
         assert "20 of the runs were planned before broken-links:" in verdict.reason

@@ -198,6 +198,21 @@ def while_and_after(found: Study, labels: Mapping[str, str]) -> str:
     return table(("variant", "mean of the training", "greedy, after training"), rows)
 
 
+def side_by_side(found: Mapping[str, Study], labels: Mapping[str, str]) -> str:
+    """The same of two studies, one column each: `found` says how each reads the paper."""
+    first, second = found
+    rows = (
+        (
+            label,
+            *(each.in_training(variant).text(1) for each in found.values()),
+            *(each.after(variant).text(1) for each in found.values()),
+        )
+        for variant, label in labels.items()
+    )
+    headers = (f"in training, {first}", second, f"after it, {first}", second)
+    return table(("variant", *headers), rows)
+
+
 def number(count: int) -> str:
     """A small number as a word."""
     return _NUMBERS[count] if count < len(_NUMBERS) else f"{count:,}"

@@ -2,7 +2,14 @@
 
 from collections.abc import Callable
 
-from benchmarks.readme.studies import difference, expect, paragraph, study, table
+from benchmarks.readme.studies import (
+    difference,
+    expect,
+    paragraph,
+    side_by_side,
+    study,
+    table,
+)
 from msgdrop_cli.analysis.statistics import mean
 
 _STUDY = "waterworld-half-million"
@@ -74,17 +81,7 @@ def learnt() -> str:
 
 def walls() -> str:
     """The same with food and poison that stop at walls: a registered reading."""
-    turned, stopped = study(_STUDY), study(_WALLS)
-    rows = (
-        (
-            label,
-            *(found.in_training(variant).text() for found in (turned, stopped)),
-            *(found.after(variant).text() for found in (turned, stopped)),
-        )
-        for variant, label in _LABELS.items()
-    )
-    headers = ("in training, they turn back", "they stop", "after it, they turn back", "they stop")
-    return table(("policy", *headers), rows)
+    return side_by_side({"they turn back": study(_STUDY), "they stop": study(_WALLS)}, _LABELS)
 
 
 def walls_said() -> str:
