@@ -30,7 +30,12 @@ if __name__ == "__main__":
 from benchmarks.limited_time import STATE, Campaign, counts
 from msgdrop_cli import app
 from msgdrop_cli.commands.parts.estimate import check_folder
-from msgdrop_cli.commands.parts.options import check_device, check_device_name, check_workers
+from msgdrop_cli.commands.parts.options import (
+    check_device,
+    check_device_name,
+    check_device_plays,
+    check_workers,
+)
 from msgdrop_cli.definition.load import load_definition
 from msgdrop_cli.definition.plan import plan
 from msgdrop_cli.definition.seeds import parse_seeds
@@ -98,6 +103,7 @@ def start(options: argparse.Namespace, arguments: Sequence[str]) -> int:
         readings=options.reading,
         seeds=seeds,
     )
+    check_device_plays(asked.definition.environments, options.device)
     check_folder(options.out, 0)
     if options.detach:
         return detach(arguments, options.out)

@@ -4,6 +4,7 @@ import json
 import re
 import shlex
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,9 @@ import torch
 
 from msgdrop_cli import load_policy
 from msgdrop_cli.definition.channel import NONE_BROKEN
+from msgdrop_cli.definition.load import load_definition
+from msgdrop_cli.definition.registration import registered_as
+from msgdrop_cli.definition.spec import Registration
 from msgdrop_cli.engine.evaluation import evaluate
 from msgdrop_cli.engine.play_references import play_references
 from msgdrop_cli.engine.policy import read_trained
@@ -140,11 +144,50 @@ def test_agents_may_leave_before_a_policy_does(tmp_path: Path) -> None:
         policy.act({**seen, "white": seen["blue"]})
 
 
-def test_a_graphics_card_is_refused() -> None:
+def test_a_graphics_card_is_refused(question: Path) -> None:
     """Before anything is made."""
-    said = msgdrop("train", "--env", "tests.somebodys_game:Echo", "--device", "cuda")
+    for asked in (("train", "--env", "tests.somebodys_game:Echo"), ("ablate", question)):
+        said = msgdrop(*asked, "--device", "cuda")
+        assert said.code == 2
+        assert "games of other people are played with --device cpu" in said.err
+
+
+@pytest.fixture
+def question(tmp_path: Path) -> Path:
+    """The one of the page about Echo, of two seeds and some steps."""
+    [text] = re.findall(r"```toml\n(.*?)```", DOCS.read_text(), re.DOTALL)
+    for long, short in (
+        ("lamps:make", "tests.somebodys_game:Echo"),
+        ("100_000 }", "400 }\nalgorithm = { replay_start_env_steps = 100 }"),
+        ("seeds = 6", "seeds = 2"),
+        ("episodes = 200", "episodes = 4"),
+        ("[[claims]]", 'seen_in = { "tests.somebodys_game:Echo" = 6 }\n[[claims]]'),
+    ):
+        text = text.replace(long, short)
+    (tmp_path / "mine.toml").write_text(text)
+    return tmp_path / "mine.toml"
+
+
+def test_a_question_names_a_factory(question: Path) -> None:
+    """Its runs are trained, its claim is compared, and what was seen counts in the game's name."""
+    said = msgdrop("ablate", question, "--results", question.parent, "--workers", "1")
+    assert said.code == 0, said.err
+    assert "md-0.2 against dcc: return per episode after training, half" in said.out
+    assert "look that can decide is at 10" in said.err
+    runs, asked = list_runs(question.parent), load_definition(str(question))
+    assert {run.environment for run in runs} == {"tests.somebodys_game.Echo"}
+    assert {run.registration for run in runs} == {registered_as(asked, runs[0].environment)}
+    unseen = replace(asked, registration=Registration(looks=(6, 10), alpha_spent=(0.04, 0.05)))
+    assert runs[0].registration != registered_as(unseen, runs[0].environment)
+    assert len(runs) == 6
+
+
+def test_a_name_that_is_no_factory_is_refused(question: Path) -> None:
+    """Neither in a question nor elsewhere."""
+    question.write_text(question.read_text().replace("somebodys_game:Echo", "somebodys_game:Ec:ho"))
+    said = msgdrop("ablate", question, "--results", question.parent)
     assert said.code == 2
-    assert "games of other people are played with --device cpu" in said.err
+    assert "'tests.somebodys_game:Ec:ho': expected package.module:factory" in said.err
 
 
 @pytest.mark.slow

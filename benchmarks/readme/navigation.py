@@ -14,7 +14,7 @@ from benchmarks.readme.studies import (
     study,
     table,
 )
-from msgdrop_cli.analysis.statistics import mean
+from msgdrop_cli.analysis.statistics import Interval, mean
 
 _NUMBERED, _NEAREST = "navigation-half-million", "navigation-million-nearest"
 HUBER = "figure-3d-million-nearest-huber"
@@ -184,7 +184,7 @@ def _reference(found: Study, name: str, game: str) -> str:
 def _lag(by: Estimate) -> str:
     """How much worse, of a difference below 0."""
     low, high = by.interval or (by.mean, by.mean)
-    return Estimate(-by.mean, (-high, -low)).text(1)
+    return Estimate(-by.mean, Interval(-high, -low)).text(1)
 
 
 def _fourth(count: int) -> str:

@@ -12,7 +12,7 @@ from msgdrop_cli.commands.parts import completion, options, settings, words
 from msgdrop_cli.commands.parts.typed import as_typed
 from msgdrop_cli.definition.catalogue import check_algorithm
 from msgdrop_cli.definition.plan import AD_HOC, ad_hoc_definition
-from msgdrop_cli.definition.spec import Definition, Profile, is_factory
+from msgdrop_cli.definition.spec import Definition, Profile
 from msgdrop_cli.errors import DefinitionError, nearest
 
 app = typer.Typer()
@@ -109,8 +109,6 @@ def train(
     checked = replace(checked, overrides=(*checked.overrides, *asked))
     if steps is not None and steps < 1:
         raise DefinitionError(f"--steps: expected at least 1, not {steps}")
-    if is_factory(env) and checked.device != "cpu":
-        raise DefinitionError("--device: games of other people are played with --device cpu")
     with as_typed(_own_options(rate, channel, steps)):
         definition = _definition(env, algorithm, profile, rate, steps)
         settings.check(definition, checked)

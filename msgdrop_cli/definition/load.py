@@ -24,6 +24,7 @@ from msgdrop_cli.definition.spec import (
     Profile,
     Registration,
     Variant,
+    record_name,
 )
 from msgdrop_cli.definition.strict import Where, build, read_toml
 from msgdrop_cli.errors import DefinitionError, Mistakes, nearest
@@ -70,7 +71,7 @@ class QuestionFile:
     source: str
     """Who asks: a place in the paper, or you, e.g. `"ours"`."""
     environments: tuple[str, ...]
-    """The games, by the names that `--env` takes (no factories), e.g. `["pursuit-n6"]`."""
+    """The games, by the names that `--env` takes, e.g. `["pursuit-n6"]`."""
     channels: tuple[Channel, ...] = field(default=(NONE_BROKEN,), metadata={"also": "broken_links"})
     """An evaluation after training through each: shares of broken links, or other kinds with their
     settings; without it no link is broken, e.g. `["none", "half", 1.0]`."""
@@ -191,7 +192,7 @@ def _check(read: QuestionFile, where: Where) -> None:
     """Refuse names that cannot name a folder and restrictions to what is not there."""
     mistakes = Mistakes()
     for key, names in (
-        ("environments", read.environments),
+        ("environments", tuple(map(record_name, read.environments))),
         ("variants", tuple(read.variants)),
         ("profiles", tuple(read.profiles)),
     ):
@@ -235,7 +236,7 @@ def _check_known(names: tuple[str, ...] | None, known: Iterable[str], where: Whe
     for name in names:
         if name not in known:
             raise where.error(f"{name[:64]!r} is not in this file; {nearest(name[:64], known)}")
-    _check_names(names, where)
+    _check_names(map(record_name, names), where)
 
 
 def _claims(claim: ClaimTable, read: QuestionFile, where: Where) -> Iterable[Claim]:
@@ -254,7 +255,7 @@ def _claims(claim: ClaimTable, read: QuestionFile, where: Where) -> Iterable[Cla
             source=claim.source,
             better=winner,
             worse=loser,
-            environment=environment,
+            environment=record_name(environment),
             metric=claim.metric,
             channel=claim.channel,
             measure=claim.measure,

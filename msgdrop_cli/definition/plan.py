@@ -236,7 +236,7 @@ class Resolver:
             profile=self.called,
             spec=spec,
             overrides=described(applied(self.overrides, variant), spec),
-            registration=registered_as(self.definition, environment),
+            registration=registered_as(self.definition, spec.environment),
         )
 
     def _explored(self, paper: Any) -> tuple[Where, dict[str, int]]:

@@ -157,8 +157,12 @@ class Registration:
             raise ValueError("seen cannot be negative")
 
     def in_game(self, environment: str) -> "Registration":
-        """What decides the claims of one game: what was seen in others is nothing to it."""
-        return replace(self, seen=self.seen_in.get(environment, self.seen), seen_in={})
+        """What decides the claims of one game: what was seen in others is nothing to it.
+
+        environment: as records call it.
+        """
+        known = {record_name(game): seeds for game, seeds in self.seen_in.items()}
+        return replace(self, seen=known.get(environment, self.seen), seen_in={})
 
     @property
     def alpha(self) -> float:

@@ -2,7 +2,7 @@
 
 import os
 import shlex
-from collections.abc import Collection
+from collections.abc import Collection, Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
@@ -14,7 +14,7 @@ from msgdrop_cli.definition.channel import WORDS
 from msgdrop_cli.definition.load import list_askable
 from msgdrop_cli.definition.profiles import profile_called
 from msgdrop_cli.definition.seeds import parse_seeds
-from msgdrop_cli.definition.spec import MOST_EPISODES, Definition
+from msgdrop_cli.definition.spec import MOST_EPISODES, Definition, is_factory
 from msgdrop_cli.definition.strict import Where, one_line
 from msgdrop_cli.definition.typed_numbers import whole_number
 from msgdrop_cli.errors import DefinitionError, RecordError, nearest
@@ -274,6 +274,12 @@ def check_episodes(episodes: int) -> None:
 def check_device_name(device: str) -> None:
     """Refuse a device that has no meaning here."""
     check_known(device, _DEVICES, "--device")
+
+
+def check_device_plays(games: Iterable[str], device: str) -> None:
+    """Refuse games of other people on anything but the CPU, where their code runs."""
+    if device != "cpu" and any(map(is_factory, games)):
+        raise DefinitionError("--device: games of other people are played with --device cpu")
 
 
 def check_known(chosen: str, known: Collection[str], option: str) -> None:

@@ -5,7 +5,7 @@ from typing import Any
 from typer.core import TyperCommand
 
 from msgdrop_cli.commands.parts import console, sources, vocabulary
-from msgdrop_cli.commands.parts.options import TrainOptions
+from msgdrop_cli.commands.parts.options import TrainOptions, check_device_plays
 from msgdrop_cli.definition.plan import plan
 from msgdrop_cli.definition.readings import all_readings
 from msgdrop_cli.definition.spec import Definition
@@ -40,7 +40,10 @@ class ListsReadings(TyperCommand):
 
 
 def check(definition: Definition, options: TrainOptions) -> None:
-    """Refuse (DefinitionError) mistyped names and settings before torch is loaded."""
+    """Refuse (DefinitionError) mistyped names and settings before torch is loaded.
+
+    And games of other people on a GPU.
+    """
     from msgdrop_cli.commands.parts.early import check_early
 
     check_early(
@@ -49,6 +52,8 @@ def check(definition: Definition, options: TrainOptions) -> None:
         overrides=[each for each in options.overrides if each != HELP],
         readings=options.readings,
     )
+    games = definition.profiles[options.profile].environments or definition.environments
+    check_device_plays(games, options.device)
 
 
 def show_settings(definition: Definition, options: TrainOptions, *, as_json: bool) -> int:
