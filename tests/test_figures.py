@@ -274,7 +274,8 @@ def test_claims_table(tmp_path: Path) -> None:
         "undecided",
     )
     assert row[5].startswith(
-        "first registered look at 6 seeds; below 3 seeds there is no forecast;"
+        "first registered look at 6 seeds, which can decide nothing: 10 can;"
+        " below 3 seeds there is no forecast;"
     )
     assert "; 4 of the runs were planned before" in row[5]
     missing = Verdict(claim=claim, verdict="undecided", reason="no run of dcc")

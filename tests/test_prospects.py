@@ -64,6 +64,7 @@ def test_an_open_claim_says_what_would_decide_it_or_why_nobody_knows(
     better = [50 + each for each in differences]
     verdict = verdict_on(arms(tmp_path, better, [50] * len(differences)), rule=SHIPPED)
     assert verdict.verdict == "undecided"
-    assert verdict.reason.split("; ")[:2] == ["first registered look at 6 seeds", why]
+    look = "first registered look at 6 seeds, which can decide nothing: 10 can"
+    assert verdict.reason.split("; ")[:2] == [look, why]
     assert bool(verdict.prospect) != bool(verdict.unforeseen)
     assert verdict.prospect or why == verdict.unforeseen

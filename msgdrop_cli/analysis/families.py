@@ -7,7 +7,7 @@ from msgdrop_cli.analysis.e_process import Anytime, anytime
 from msgdrop_cli.analysis.intervals import ALPHA, flip_interval, mean_interval
 from msgdrop_cli.analysis.pairs import Pair
 from msgdrop_cli.analysis.prospects import Prospect, no_forecast, prospect
-from msgdrop_cli.analysis.sequential import decided, flips_of, speaks_at
+from msgdrop_cli.analysis.sequential import decided, deciding_looks, flips_of, speaks_at
 from msgdrop_cli.analysis.sign_flips import (
     Flipped,
     holm,
@@ -213,6 +213,9 @@ def _next_look(pair: Pair, reached: int, rule: Registration) -> str:
         waits = f", seed {missing} has failed and is to be trained again"
     elif missing <= len(pair.differences):
         waits = f", seed {missing} is missing"
+    able = [look for look in deciding_looks(rule) if look >= seeds]
+    if able and able[0] > seeds:
+        waits += f", which can decide nothing: {able[0]} can"
     return f"{name} registered look at {seeds} seeds{waits}"
 
 
