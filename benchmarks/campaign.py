@@ -38,6 +38,7 @@ from msgdrop_cli.commands.parts.options import (
 )
 from msgdrop_cli.definition.load import load_definition
 from msgdrop_cli.definition.plan import plan
+from msgdrop_cli.definition.profiles import profile_called
 from msgdrop_cli.definition.seeds import parse_seeds
 from msgdrop_cli.engine.facts import commit
 from msgdrop_cli.engine.offers import catalogue
@@ -95,15 +96,17 @@ def start(options: argparse.Namespace, arguments: Sequence[str]) -> int:
         )
     on_gpu = [_NO_CHECKPOINTS] * (options.device == "cuda")
     seeds = None if options.seeds is None else parse_seeds(options.seeds)
+    definition = load_definition(options.definition)
+    profile_called(definition, options.profile)
+    check_device_plays(definition.games(options.profile), options.device)
     asked = plan(
-        load_definition(options.definition),
+        definition,
         options.profile,
         catalogue(),
         overrides=[*on_gpu, *options.set],
         readings=options.reading,
         seeds=seeds,
     )
-    check_device_plays(asked.definition.environments, options.device)
     check_folder(options.out, 0)
     if options.detach:
         return detach(arguments, options.out)

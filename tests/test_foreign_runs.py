@@ -29,6 +29,7 @@ from tests import somebodys_game
 from tests.cli_runs import msgdrop
 from tests.runs import StopAt, digest, foreign_run
 
+EXTRA = '[profiles.ours]\nseeds = 2\nenvironments = ["pursuit-n6"]\n'
 DOCS = Path(__file__).resolve().parents[1] / "docs" / "pettingzoo.md"
 
 
@@ -180,6 +181,21 @@ def test_a_question_names_a_factory(question: Path) -> None:
     unseen = replace(asked, registration=Registration(looks=(6, 10), alpha_spent=(0.04, 0.05)))
     assert runs[0].registration != registered_as(unseen, runs[0].environment)
     assert len(runs) == 6
+
+
+def test_every_setting_of_such_a_game_is_shown(question: Path) -> None:
+    """Its time limit among them, which can be set."""
+    said = msgdrop("config", "show", question)
+    assert (said.code, "environment.time_limit=5" in said.out) == (0, True)
+    assert "environment.factory=tests.somebodys_game:Echo" in said.out
+
+
+def test_a_reading_is_of_the_games_that_a_profile_has(question: Path) -> None:
+    """A factory that the profile leaves out has no readings, and stands in no one's way."""
+    text = question.read_text().replace("[registration]\n", EXTRA + "[registration]\n")
+    question.write_text(text.replace("ents = [", 'ents = ["pursuit-n6", ', 1))
+    said = msgdrop("config", "show", question, "--profile", "ours", "--reading", "huber")
+    assert (said.code, "algorithm.loss=huber" in said.out) == (0, True), said.err
 
 
 def test_a_name_that_is_no_factory_is_refused(question: Path) -> None:

@@ -9,7 +9,6 @@ import typer
 from msgdrop_cli.commands.parts import console, options, settings
 from msgdrop_cli.definition.figures import all_figures
 from msgdrop_cli.definition.load import list_askable, list_definitions, load_definition
-from msgdrop_cli.definition.profiles import profile_called
 from msgdrop_cli.definition.readings import all_readings, as_overrides, readings_of
 from msgdrop_cli.definition.spec import Definition
 from msgdrop_cli.errors import DefinitionError
@@ -114,8 +113,7 @@ def ablate(
 def _profile(definition: Definition, profile: str | None, readings: Sequence[str]) -> str:
     """The profile that is meant; refuses it and readings, as the plan would, but before torch."""
     name = options.chosen_profile(definition, profile)
-    games = profile_called(definition, name).environments or definition.environments
-    as_overrides(readings, games)
+    as_overrides(readings, definition.games(name))
     return name
 
 

@@ -33,7 +33,7 @@ def judged_at(definition: Definition, called: str) -> tuple[Claim, ...]:
     profile = definition.profiles[name]
     arms = {
         (record_name(environment), variant)
-        for environment in profile.environments or definition.environments
+        for environment in definition.games(name)
         for variant in profile.variants or definition.variants
     }
     return judged_by(definition, arms, profile.channels or definition.channels)

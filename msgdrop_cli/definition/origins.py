@@ -27,7 +27,7 @@ def origins(
     run: one of `plan`'s, from the same question, profile, overrides and readings.
     """
     changes = (
-        *as_overrides(readings, definition.environments),
+        *as_overrides(readings, definition.games(profile)),
         *(parse_override(text, catalogue.settings()) for text in overrides),
     )
     resolver = Resolver(definition, profile, run.profile, catalogue, changes)

@@ -92,7 +92,7 @@ def plan(
     else:
         numbers = checked_seeds(tuple(seeds), Where("--seeds"))
     arms = {name: definition.variants[name] for name in chosen.variants or definition.variants}
-    environments = chosen.environments or definition.environments
+    environments = definition.games(profile)
     changes = tuple(parse_override(text, catalogue.settings()) for text in overrides)
     check_variants(changes, tuple(arms))
     changes = (*as_overrides(readings, environments), *changes)

@@ -249,6 +249,7 @@ class Definition:
     question: str
     source: str
     environments: tuple[str, ...]
+    """By the names that `--env` takes; records and claims have their `record_name`."""
     channels: tuple[Channel, ...]
     """One evaluation after training through each."""
     variants: Mapping[str, Variant]
@@ -258,3 +259,7 @@ class Definition:
     """None: there are estimates, and no verdicts."""
     shipped: bool = False
     """It came with the program, so its claims are the paper's."""
+
+    def games(self, profile: str) -> tuple[str, ...]:
+        """The games of one of its profiles, by the names that `--env` takes."""
+        return self.profiles[profile].environments or self.environments

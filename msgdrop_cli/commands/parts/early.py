@@ -32,7 +32,7 @@ def check_early(
 
     Says nothing where not everything can be told from files: that is said a second later.
     """
-    games = definition.profiles[profile].environments or definition.environments
+    games = definition.games(profile)
     known = told()
     if known is None or any(map(is_factory, games)):
         return

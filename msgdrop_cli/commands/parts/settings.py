@@ -52,8 +52,7 @@ def check(definition: Definition, options: TrainOptions) -> None:
         overrides=[each for each in options.overrides if each != HELP],
         readings=options.readings,
     )
-    games = definition.profiles[options.profile].environments or definition.environments
-    check_device_plays(games, options.device)
+    check_device_plays(definition.games(options.profile), options.device)
 
 
 def show_settings(definition: Definition, options: TrainOptions, *, as_json: bool) -> int:

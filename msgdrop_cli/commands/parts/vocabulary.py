@@ -103,12 +103,22 @@ def training() -> Section:
     return Section("training", "msgdrop_cli.definition", "spec", (), settings)
 
 
+def foreign() -> Section:
+    """What each game of other people has that a factory makes."""
+    package = "msgdrop_envs.foreign"
+    settings = tuple(sources.settings(sources.module(package, "config").tree, "Config"))
+    return Section("environment", package, "config", (), settings)
+
+
 def sections(environment: str = "", algorithm: str = "") -> list[Section]:
-    """What `--set` takes, for these names or for all there are."""
+    """What `--set` takes, for these names or for all there are.
+
+    environment: one that is none of ours is what a factory makes.
+    """
     return [
         training(),
         *(each for each in algorithms() if algorithm in ("", *each.names)),
-        *(each for each in environments() if environment in ("", *each.names)),
+        *([each for each in environments() if environment in ("", *each.names)] or [foreign()]),
     ]
 
 

@@ -201,7 +201,7 @@ class _Guide:
         Figures leave no variant out. One that shows another measure has runs for this one, too.
         """
         profile = self.definition.profiles[scale.profile]
-        if line.environment in (profile.environments or self.definition.environments) and {
+        if line.environment in self.definition.games(scale.profile) and {
             line.better,
             line.worse,
         } <= set(profile.variants or self.definition.variants):
