@@ -10,6 +10,7 @@ PAGE = page("does-it-help.md")
 RESULTS = Page((ROOT / "results" / "README.md").read_text())
 JUDGED = RESULTS.section("Judged again")
 EIGHT = RESULTS.text.partition("### With eight agents")[2].partition("\n## ")[0]
+WATERWORLD = RESULTS.section("`published/waterworld-million/`").text
 LINE = re.compile(r"^\* (.*): \*\*([\w -]+)\*\*$", re.MULTILINE)
 
 
@@ -34,7 +35,8 @@ def judged() -> list[tuple[str, str]]:
         else:
             claim = last.replace("after training", rest)
         found.append((claim, now))
-    return found + [(f"N = 8, {claim}", word) for claim, word in told(EIGHT)]
+    eight = [(f"N = 8, {claim}", word) for claim, word in told(EIGHT)]
+    return found + eight + told(WATERWORLD)
 
 
 def test_every_claim_is_told_with_its_verdict() -> None:

@@ -114,11 +114,21 @@ def test_with_hubers_loss_neither_rate_beats_dcc() -> None:
     assert {1024 * each.evidence.p for each in found if each.evidence} == {2}
 
 
+def test_waterworld_decides_that_concatenating_fails_and_no_order() -> None:
+    """Figure 3 e at the second look: vanilla MADDPG is beaten; MADDPG-MD beats nobody surely."""
+    for measure in ("learning", "evaluation"):
+        found = [v for v in verdicts("waterworld-million", measure) if v.evidence]
+        supported = {(v.claim.better, v.claim.worse) for v in found if v.verdict == "supported"}
+        assert supported == {("maddpg", "vanilla-maddpg")}
+        assert Counter(each.verdict for each in found) == {"supported": 1, "undecided": 4}
+        assert {each.evidence.look for each in found if each.evidence} == {2}
+
+
 def test_who_was_planned_under_a_registration() -> None:
     """The others are from before there was any; they read as before, and the verdict says so."""
     registered = Counter(record.registration for record in list_runs(PUBLISHED))
     assert {name: registered[name] for name in registered if name} == {
-        "waterworld:add430c6": 12,
+        "waterworld:add430c6": 62,
         "figure-3d:6aca268a": 40,
     }
     for verdict in verdicts("broken-links-two-million", "evaluation", SIX):

@@ -24,6 +24,8 @@ NAVIGATION, NETWORK = "navigation-million-nearest", "architecture-two-million"
 LABELS = {
     **{"fdc": "FDC", "dcc": "DCC", "md-0.2": "DCC-MD 0.2", "md-0.5": "DCC-MD 0.5"},
     **{"sd-0.2": "DCC-SD 0.2", "full-md-0.2": "Full MD 0.2", "full-sd-0.2": "Full SD 0.2"},
+    **{"ddpg": "DDPG", "vanilla-maddpg": "vanilla MADDPG", "maddpg": "MADDPG"},
+    **{"maddpg-md-0.2": "MADDPG-MD 0.2", "maddpg-md-0.5": "MADDPG-MD 0.5"},
 }
 _WORDS = ("supported", "contradicted", "level", "undecided")
 """In the order in which they are told."""

@@ -1,14 +1,17 @@
-"""What came out on waterworld: two seeds, which judge nothing."""
+"""What came out on waterworld: ten seeds, and two before them, which judge nothing."""
 
 from collections.abc import Callable
 
+from benchmarks.readme.judged import LABELS, counted, of_game, told
 from benchmarks.readme.studies import (
     difference,
     expect,
+    number,
     paragraph,
     side_by_side,
     study,
     table,
+    while_and_after,
 )
 from msgdrop_cli.analysis.statistics import mean
 
@@ -16,12 +19,50 @@ _STUDY = "waterworld-half-million"
 _FIRST, _FIRST_COMMIT = "6.7, 5.9 and 7.9", "commit 3a5aa4d, published until 27 November 2026"
 """What was published of the same runs before, in the order of the labels."""
 _WALLS = f"{_STUDY}-stopping-walls"
-_LABELS = {"ddpg": "DDPG", "maddpg": "MADDPG", "maddpg-md-0.2": "MADDPG-MD 0.2"}
+_LABELS = {each: LABELS[each] for each in ("ddpg", "maddpg", "maddpg-md-0.2")}
+MILLION = "waterworld-million"
+_EIGHT = "waterworld-n8"
 _TOUCHES = "touches_per_500"
 _LAST = 50_000
 """Env steps at the end of the training."""
 _PROTOTYPE = (250_000, 300_000)
 """Env steps where a prototype's numbers are known."""
+
+
+def million() -> str:
+    """Each of the five arms while it learns, and after."""
+    arms = ("ddpg", "vanilla-maddpg", "maddpg", "maddpg-md-0.2", "maddpg-md-0.5")
+    return while_and_after(study(MILLION), {each: LABELS[each] for each in arms})
+
+
+def claims() -> str:
+    """The claims about eight agents, in training and after it."""
+    found, lines = study(MILLION), list[str]()
+    for measure, when in (("learning", "in"), ("evaluation", "after")):
+        about = of_game(found, _EIGHT, measure)
+        lines += told(about, f"waterworld N = 8, {when} training: ")
+    return "\n".join(lines)
+
+
+def paper() -> str:
+    """How many claims of MADDPG-MD are supported, for a cell of PAPER.md."""
+    found = study(MILLION)
+    during, after = (
+        counted(v for v in of_game(found, _EIGHT, measure) if v.claim.better != "maddpg")
+        for measure in ("learning", "evaluation")
+    )
+    seeds = number(len(found.arm("ddpg").done))
+    return f"{seeds} seeds at N = 8: `{MILLION}`, while learning {during}, after it {after}"
+
+
+def paper_vanilla() -> str:
+    """The same of the network that concatenates."""
+    found = study(MILLION)
+    during, after = (
+        found.verdict("maddpg", "vanilla-maddpg", environment=_EIGHT, measure=measure).verdict
+        for measure in ("learning", "evaluation")
+    )
+    return f"`{MILLION}`, {during} in training, {after} after it"
 
 
 def catches() -> str:
@@ -98,12 +139,17 @@ def walls_said() -> str:
     return paragraph(
         f"""Everybody catches less after training where food stops at walls. Who is better cannot be
         said of two seeds either way (there MADDPG-MD is ahead of DDPG and MADDPG by {ahead} over
-        the training), nor whether walls change it; so both readings are to be trained at a million
-        env steps."""
+        the training), nor whether walls change it: at a million env steps, where ten seeds are
+        judged, objects turn back so far."""
     )
 
 
 BLOCKS: dict[str, Callable[[], str]] = {
+    "waterworld-million": million,
+    "waterworld-million-claims": claims,
+    "help-waterworld": claims,
+    "paper-waterworld": paper,
+    "paper-vanilla": paper_vanilla,
     "waterworld-catches": catches,
     "waterworld-learnt": learnt,
     "waterworld-walls": walls,
