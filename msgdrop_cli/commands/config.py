@@ -113,7 +113,7 @@ def _rows(
     scale = options.chosen_profile(definition, profile)
     changes, others = overrides or (), readings or ()
     check_early(definition, scale, overrides=changes, readings=others)
-    from msgdrop_cli.definition.origins import DEFAULT, origins, papers_spec
+    from msgdrop_cli.definition.origins import DEFAULT, game_of, origins, papers_spec
     from msgdrop_cli.engine.offers import catalogue
 
     known = catalogue()
@@ -137,7 +137,7 @@ def _rows(
             ),
             "meaning": s.meaning,
         }
-        for section in vocabulary.sections(run.spec.environment, learner)
+        for section in vocabulary.sections(game_of(run, definition), learner)
         for s in section.settings
     ]
 

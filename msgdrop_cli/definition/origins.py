@@ -31,7 +31,7 @@ def origins(
         *(parse_override(text, catalogue.settings()) for text in overrides),
     )
     resolver = Resolver(definition, profile, run.profile, catalogue, changes)
-    resolver.run(_game_of(run, definition), run.variant, run.spec.seed)
+    resolver.run(game_of(run, definition), run.variant, run.spec.seed)
     told = {path: str(where) for path, where in resolver.origins.items()}
     derived = f"algorithm.{EXPLORING}"
     if derived in told and resolver.origins[derived].keys[-1:] == ("training",):
@@ -58,10 +58,10 @@ def papers_spec(
         },
     )
     resolver = Resolver(bare, profile, profile, catalogue, ())
-    return resolver.run(_game_of(run, definition), run.variant, run.spec.seed).spec
+    return resolver.run(game_of(run, definition), run.variant, run.spec.seed).spec
 
 
-def _game_of(run: PlannedRun, definition: Definition) -> str:
+def game_of(run: PlannedRun, definition: Definition) -> str:
     """As the question calls it: a factory's name in records is another one."""
     [game] = {name for name in definition.environments if record_name(name) == run.spec.environment}
     return game

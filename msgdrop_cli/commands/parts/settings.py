@@ -74,7 +74,7 @@ def show_settings(definition: Definition, options: TrainOptions, *, as_json: boo
     algorithm = str(definition.variants[run.variant].algorithm["name"])
     rows = [
         (f"{section.name}.{s.key}", getattr(configs[section.name], s.key), s.meaning)
-        for section in vocabulary.sections(spec.environment, algorithm)
+        for section in vocabulary.sections(definition.games(profile)[0], algorithm)
         for s in section.settings
     ]
     if as_json:

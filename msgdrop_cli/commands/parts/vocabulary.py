@@ -113,12 +113,13 @@ def foreign() -> Section:
 def sections(environment: str = "", algorithm: str = "") -> list[Section]:
     """What `--set` takes, for these names or for all there are.
 
-    environment: one that is none of ours is what a factory makes.
+    environment: as `--env` takes it; what a factory makes has settings, too.
     """
     return [
         training(),
         *(each for each in algorithms() if algorithm in ("", *each.names)),
-        *([each for each in environments() if environment in ("", *each.names)] or [foreign()]),
+        *(each for each in environments() if environment in ("", *each.names)),
+        *([foreign()] if spec.is_factory(environment) else ()),
     ]
 
 
