@@ -8,9 +8,9 @@ from benchmarks.readme.judged import (
     NAVIGATION,
     beats,
     counted,
-    of_game,
     told,
     told_by_channel,
+    told_by_measure,
 )
 from benchmarks.readme.navigation import HUBER, with_huber
 from benchmarks.readme.rates import STUDY as RATES
@@ -73,11 +73,12 @@ def learning() -> str:
 
 def navigation() -> str:
     """Both numbers of agents, in training and after it."""
-    found, lines = study(NAVIGATION), list[str]()
-    for measure, when in (("learning", "in"), ("evaluation", "after")):
-        for agents in (8, 10):
-            about = of_game(found, f"navigation-n{agents}", measure)
-            lines += told(about, f"navigation N = {agents}, {when} training: ")
+    found = study(NAVIGATION)
+    lines = [
+        line
+        for agents in (8, 10)
+        for line in told_by_measure(found, f"navigation-n{agents}", f"navigation N = {agents}")
+    ]
     worse = found.verdict("md-0.5", "dcc", environment="navigation-n10", measure="learning")
     expect(worse.verdict == "contradicted", "that a rate of 0.5 costs something")
     with_huber()

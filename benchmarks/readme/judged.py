@@ -29,6 +29,7 @@ LABELS = {
 }
 _WORDS = ("supported", "contradicted", "level", "undecided")
 """In the order in which they are told."""
+_MEASURES = (("learning", "in"), ("evaluation", "after"))
 _SUPPORTED, _OPEN, _NOT_RUN = "supported", "undecided", "not run"
 _WAS = (
     *([_SUPPORTED] * 8),  # broken links
@@ -93,7 +94,7 @@ def _blockwise() -> list[tuple[str, Verdict]]:
 
 def _navigation() -> list[tuple[str, Verdict]]:
     found, lines = study(NAVIGATION), []
-    for measure, when in (("learning", "in"), ("evaluation", "after")):
+    for measure, when in _MEASURES:
         for agents in (8, 10):
             verdicts = of_game(found, f"navigation-n{agents}", measure)
             place = f"navigation N = {agents}, {when} training:"
@@ -128,6 +129,15 @@ def told_by_channel(found: Study, place: str = "") -> list[str]:
             (each for each in found.verdicts if each.claim.channel == channel),
             f"{place}{channel.short}: ",
         )
+    ]
+
+
+def told_by_measure(found: Study, environment: str, place: str) -> list[str]:
+    """The same of one game, in training and after it."""
+    return [
+        line
+        for measure, when in _MEASURES
+        for line in told(of_game(found, environment, measure), f"{place}, {when} training: ")
     ]
 
 

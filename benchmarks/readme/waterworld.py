@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 
-from benchmarks.readme.judged import LABELS, counted, of_game, told
+from benchmarks.readme.judged import LABELS, counted, of_game, told_by_measure
 from benchmarks.readme.studies import (
     difference,
     expect,
@@ -37,11 +37,7 @@ def million() -> str:
 
 def claims() -> str:
     """The claims about eight agents, in training and after it."""
-    found, lines = study(MILLION), list[str]()
-    for measure, when in (("learning", "in"), ("evaluation", "after")):
-        about = of_game(found, _EIGHT, measure)
-        lines += told(about, f"waterworld N = 8, {when} training: ")
-    return "\n".join(lines)
+    return "\n".join(told_by_measure(study(MILLION), _EIGHT, "waterworld N = 8"))
 
 
 def paper() -> str:
