@@ -129,6 +129,12 @@ def test_workers_hear_the_stop_and_the_silence(tmp_path: Path) -> None:
     assert control.stopping()  # it has ended
 
 
+def test_whoever_has_heard_nothing_yet_has_not_waited(tmp_path: Path) -> None:
+    """A control in which nothing stands yet is no silence of two minutes: the work begins."""
+    (tmp_path / "control").touch()
+    assert not SharedControl(tmp_path / "control", -1).stopping()
+
+
 def test_workers_that_could_not_do_it_are_refused(three_workers: Cluster, tmp_path: Path) -> None:
     """Two tasks at once, or other code than ours: a line that names the worker."""
     with connection.connected(three_workers.address) as client:

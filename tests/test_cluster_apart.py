@@ -1,13 +1,15 @@
 """Runs that travel: workers that see no results folder, and what comes back from them."""
 
 import os
+import time
 from collections.abc import Iterator
 from pathlib import Path
 from threading import Thread
 
 import pytest
 
-from msgdrop_cli.cluster import apart, connection
+from msgdrop_cli.cluster import apart, connection, guests
+from msgdrop_cli.cluster.control import SILENT
 from msgdrop_cli.cluster.parcels import open_parcel, parcel
 from msgdrop_cli.errors import RecordError
 from msgdrop_cli.records.files import run_lock
@@ -94,3 +96,31 @@ def test_nothing_but_a_runs_files_comes(name: str, tmp_path: Path) -> None:
     with pytest.raises(RecordError, match=r"came, which is no file of a run$"):
         open_parcel({"run.json": b"{}", name: b"x"}, tmp_path)
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_task_and_the_first_word_find_one_control(tmp_path: Path) -> None:
+    """They come to two threads of a worker: who is second waits until something stands there."""
+    written = Path.write_text
+
+    def slowly(path: Path, text: str) -> int:
+        path.touch()
+        time.sleep(0.2)
+        return written(path, text)
+
+    class Home:
+        local_directory = tmp_path
+
+    found: list[str] = []
+
+    def look() -> None:
+        home = guests._home(Home(), "session")  # type: ignore[arg-type]
+        found.append((home / "control").read_text())
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Path, "write_text", slowly)
+        threads = [Thread(target=look) for _ in range(2)]
+        for each in threads:
+            each.start()
+        for each in threads:
+            each.join()
+    assert found == [SILENT] * 2

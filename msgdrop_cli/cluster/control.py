@@ -27,7 +27,8 @@ class SharedControl(Control):
     process as memory does, and nobody waits for work whose owner was killed.
     """
 
-    heard: str = ""
+    heard: str | None = None
+    """The first line as it was last read; None, until it is."""
     since: float = 0.0
     """When the number was last a new one, by this process's own clock."""
 

@@ -1,6 +1,7 @@
 """What a worker does that does not see the results folder: it has one of its own for each task."""
 
 import os
+import threading
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import replace
@@ -22,6 +23,9 @@ if TYPE_CHECKING:
     from distributed import Worker
 
 _CONTROL = "control"
+_ONE_MAKES_IT = threading.Lock()
+"""The task and the owner's first word come at the same time, to two threads of the worker: neither
+may find a control in which nothing stands yet."""
 
 
 def work_apart(
@@ -63,7 +67,9 @@ def forget(session: str, dask_worker: "Worker") -> None:
 def _home(worker: "Worker", session: str) -> Path:
     """Where this worker keeps what belongs to one command; there is a control in it."""
     home = Path(worker.local_directory) / f"msgdrop-{session}"
-    home.mkdir(parents=True, exist_ok=True)
-    with suppress(FileExistsError), (home / _CONTROL).open("x") as file:
-        file.write(SILENT)
+    control = home / _CONTROL
+    with _ONE_MAKES_IT:
+        home.mkdir(parents=True, exist_ok=True)
+        if not control.exists():
+            control.write_text(SILENT)
     return home
