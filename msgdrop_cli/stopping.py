@@ -76,7 +76,8 @@ class Control:
         """What is done with each run that is at work."""
         with suppress(OSError):
             lines = self.path.read_text().splitlines()[1:]
-            last = dict(line.split(" ", 1) for line in lines)
+            # Several machines may write at one place of a network drive: a line is lost then.
+            last = dict(line.split(" ", 1) for line in lines if " " in line)
             return {run_id: phase for run_id, phase in last.items() if phase != NOTHING}
         return {}
 

@@ -108,6 +108,23 @@ def test_runs_with_a_policy_are_offered(
     assert capsys.readouterr().out.split() == sorted(f"results/{each}" for each in folders)
 
 
+def test_the_profile_on_the_line_chooses_the_games(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """What its games know is offered, whatever another game of the question lacks."""
+    question = (ROOT / "ablations" / "demo.toml").read_text()
+    games = 'environments = ["waterworld-n8", "pursuit-n6"]'
+    changed = question.replace('environments = ["navigation-n8"]', games)
+    changed = changed.replace('environment = { landmark_order = "nearest" }', "")
+    changed += '\n[profiles.one]\nseeds = 1\nenvironments = ["pursuit-n6"]\n'
+    (tmp_path / "asked.toml").write_text(changed)
+    line = f"msgdrop ablate {tmp_path / 'asked.toml'} --profile one"
+    offered("bash", f"{line} --reading capture", monkeypatch)
+    assert capsys.readouterr().out.split() == ["capture-once"]
+    offered("bash", f"{line} --set environment.evaders", monkeypatch)
+    assert capsys.readouterr().out.split() == ["environment.evaders="]
+
+
 _BASH = """
 eval "$(_MSGDROP_COMPLETE=source_bash {program})"
 COMP_WORDS=({words})

@@ -24,7 +24,7 @@ from msgdrop_cli.records.files import Epoch, run_lock, write_json_atomic
 from msgdrop_cli.records.outcome import Outcome
 from msgdrop_cli.records.store import PROGRESS, set_status
 from msgdrop_cli.scheduler import Arrived, Elsewhere, Task, lost
-from msgdrop_cli.stopping import Control
+from msgdrop_cli.stopping import NOTHING, Control
 
 if TYPE_CHECKING:
     from distributed import Client, Future
@@ -109,7 +109,10 @@ class _Apart:
 
     def abandon(self, task: Task) -> None:
         """Unlock the runs of a task: nothing more will come back."""
-        self._unlock(self.away.pop(task.run_ids))
+        away = self.away.pop(task.run_ids)
+        for run_id in away.folders:
+            self.control.mark(run_id, NOTHING)  # nobody waits for what it wrote
+        self._unlock(away)
 
     def look_after(self, workers: Sequence[str]) -> None:
         """Show what workers have said; ask whoever owes no answer, and tell it whether to stop."""
@@ -133,7 +136,8 @@ class _Apart:
     def _unlock(self, away: _Away) -> None:
         with away.locks:
             for folder in away.folders.values():
-                (folder / PROGRESS).unlink(missing_ok=True)
+                with suppress(OSError):  # of a drive that fails the record has told
+                    (folder / PROGRESS).unlink(missing_ok=True)
 
     def _asked(self, workers: list[str] | None, what: Callable[..., Any], *words: str) -> Answer:
         options: dict[str, Any] = {"workers": workers, "on_error": "ignore"}

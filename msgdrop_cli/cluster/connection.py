@@ -36,10 +36,15 @@ _QUIET = 60
 def check_cluster(where: str) -> str:
     """What `--cluster` names, as it is; DefinitionError if that is no cluster."""
     count = where.removeprefix(_LOCAL)
-    local = where.startswith(_LOCAL) and count.isdigit() and 1 <= int(count) <= _MOST_LOCAL
-    if not local and not (where.startswith((_DASK, _TLS)) and where.rpartition(":")[2].isdigit()):
+    local = where.startswith(_LOCAL) and _number(count) in range(1, _MOST_LOCAL + 1)
+    if not local and not (where.startswith((_DASK, _TLS)) and _number(where.rpartition(":")[2])):
         raise DefinitionError(f"--cluster: {where[:60]!r} is none; {_EXPECTED}")
     return where
+
+
+def _number(text: str) -> int:
+    """A number of few digits; 0 for everything else, such as a `²`, which is a digit to Python."""
+    return int(text) if text.isdecimal() and len(text) <= len("65535") else 0
 
 
 def check_tls(text: str) -> tuple[Path, ...]:

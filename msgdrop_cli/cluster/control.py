@@ -4,7 +4,7 @@ import os
 import threading
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -31,6 +31,10 @@ class SharedControl(Control):
     """The first line as it was last read; None, until it is."""
     since: float = 0.0
     """When the number was last a new one, by this process's own clock."""
+
+    def __reduce__(self) -> tuple[type["SharedControl"], tuple[Path, int]]:
+        """Whoever gets it has heard nothing yet: machines' clocks do not begin at one time."""
+        return SharedControl, (self.path, -1)
 
     def beat(self, number: int) -> None:
         """Say that the owner lives."""
@@ -64,7 +68,8 @@ def _beating(path: Path) -> Iterator[Control]:
         number = 0
         while not over.wait(_BEAT_S):
             number += 1
-            control.beat(number)
+            with suppress(OSError):  # a drive that is gone for a moment
+                control.beat(number)
 
     thread = threading.Thread(target=beat, daemon=True)
     try:

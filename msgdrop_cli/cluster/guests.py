@@ -18,6 +18,7 @@ from msgdrop_cli.records.files import read_json, run_lock
 from msgdrop_cli.records.outcome import Outcome
 from msgdrop_cli.records.store import PROGRESS
 from msgdrop_cli.scheduler import Task
+from msgdrop_cli.stopping import WRITING
 
 if TYPE_CHECKING:
     from distributed import Worker
@@ -40,7 +41,11 @@ def work_apart(
         for run_id, files in parcels.items():
             with run_lock(task.folders[run_id]):
                 open_parcel(files, task.folders[run_id])
-        outcomes = work_there(task, SharedControl(home / _CONTROL, -1))
+        control = SharedControl(home / _CONTROL, -1)
+        outcomes = work_there(task, control)
+        for outcome in outcomes:
+            if outcome.status == "interrupted":  # its checkpoint is still to come home
+                control.mark(outcome.run_id, WRITING)
         return [(outcome, parcel(task.folders[outcome.run_id])) for outcome in outcomes]
 
 

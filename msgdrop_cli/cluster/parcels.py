@@ -10,9 +10,10 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from msgdrop_cli.definition.strict import one_line
-from msgdrop_cli.errors import RecordError
+from msgdrop_cli.errors import RecordError, code_of
 from msgdrop_cli.records.files import (
     CANNOT_CREATE,
+    CANNOT_READ,
     LOCK,
     remove_file,
     write_bytes_atomic,
@@ -31,14 +32,25 @@ _OURS = re.compile(r"(?:checkpoints/(?:\d{15}|replay)/)?[A-Za-z0-9][A-Za-z0-9._-
 
 
 def parcel(folder: Path) -> Parcel:
-    """What of ours stands in a run's folder; nothing of it may be written meanwhile."""
+    """What of ours stands in a run's folder; nothing of it may be written meanwhile.
+
+    Raises RecordError if something of it cannot be read (2, or 74 if the disk fails).
+    """
     files = sorted(path for path in folder.rglob("*") if path.is_file() and not path.is_symlink())
     names = {str(path.relative_to(folder)): path for path in files}
     return {
-        name: path.read_bytes()
+        name: _content(path)
         for name, path in names.items()
         if _OURS.fullmatch(name) and name not in _STAYS and TEMPORARY not in name
     }
+
+
+def _content(path: Path) -> bytes:
+    try:
+        return path.read_bytes()
+    except OSError as error:
+        problem = f"{path}: cannot be read: {error.strerror}"
+        raise RecordError(one_line(problem), code_of(error, CANNOT_READ)) from error
 
 
 def open_parcel(parcel: Parcel, folder: Path) -> None:

@@ -4,13 +4,14 @@ import platform
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from msgdrop_cli.cluster.tasks import carry
-from msgdrop_cli.errors import RecordError
+from msgdrop_cli.errors import RecordError, RunError
 from msgdrop_cli.records.files import run_lock
 from msgdrop_cli.records.outcome import Outcome
-from msgdrop_cli.records.store import list_runs, set_status
+from msgdrop_cli.records.store import RUNS, find_run, list_runs, set_status
 from msgdrop_cli.scheduler import Arrived, Elsewhere, Task, work
 from msgdrop_cli.stopping import Control
 
@@ -51,12 +52,29 @@ class _Shared:
 
 
 def work_there(task: Task, control: Control) -> list[Outcome]:
-    """What a worker does: the scheduler's own work; the record says on which machine."""
+    """What a worker does: the scheduler's own work; the record says on which machine.
+
+    Raises RunError if this worker does not see the results folder.
+    """
+    if not task.root.is_dir():  # it came when the others had been looked at
+        raise RunError(
+            f"the worker on {platform.node()} does not see {task.root}; end it and ask again"
+        )
     outcomes = work(task, control)
     for run in task.train:
-        with suppress(RecordError), run_lock(task.folders[run.run_id]):
-            # As it is now: how the task ended is not how its training did.
-            [record] = list_runs(task.folders[run.run_id])
+        with suppress(RecordError):
+            _say_where(task.root, run.run_id)
+    return outcomes
+
+
+def _say_where(root: Path, run_id: str) -> None:
+    """Note this machine in the record of a run that has ended; another question may have made it.
+
+    As it is now: how the task ended is not how its training did.
+    """
+    found = find_run(root / RUNS, run_id)
+    if found is not None:
+        with run_lock(found.path):
+            [record] = list_runs(found.path)
             if record.status in _ENDED and "node" not in record.run:
                 set_status(record.path, record.run["status"], record.reason, node=platform.node())
-    return outcomes

@@ -13,9 +13,9 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 from msgdrop_cli.cluster.connection import PATIENCE_S, Answer, asked
 from msgdrop_cli.definition.strict import one_line
-from msgdrop_cli.errors import RecordError
+from msgdrop_cli.errors import MsgdropError, RecordError
 from msgdrop_cli.records.outcome import Outcome
-from msgdrop_cli.scheduler import TRIES, Arrived, Task, lost
+from msgdrop_cli.scheduler import Arrived, Task, lost
 from msgdrop_cli.stopping import Control
 
 if TYPE_CHECKING:
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 GONE = "cluster: the scheduler has gone; ask again when it is there"
 NOBODY = "cluster: no worker is left; start some and ask again"
-KILLED = f"cluster: its workers died {TRIES} times (killed, or out of memory?)"
+SILENT = "cluster: the scheduler does not answer (stopped?); ask again when it does"
 _LOOK_AGAIN_S = 1.0
 
 
@@ -51,22 +51,25 @@ class _Crew:
     workers: Sequence[str]
     question: Answer | None = None
     seen: float = field(default_factory=time.monotonic)
-    """When there was a worker, by this process's own clock."""
+    """When the scheduler last said that there is a worker, by this process's own clock."""
 
     def look(self) -> None:
         """Take the answer to the last question, if there is one, and ask again."""
-        if self.question is None or self.question.done():
+        if self.question is not None:
+            if not self.question.done():
+                return
             with suppress(Exception):
-                self.workers = tuple(self.question.result()) if self.question else self.workers
-            self.question = asked(self.client, self.client.nthreads)
-        if self.workers:
-            self.seen = time.monotonic()
+                self.workers = tuple(self.question.result())
+                self.seen = time.monotonic() if self.workers else self.seen
+        self.question = asked(self.client, self.client.nthreads)
 
     def lost(self) -> str:
         """Why nothing can come of any task; empty if something can."""
         if self.client.status != "running":
             return GONE
-        return NOBODY if time.monotonic() - self.seen > PATIENCE_S else ""
+        if time.monotonic() - self.seen <= PATIENCE_S:
+            return ""
+        return SILENT if self.workers else NOBODY
 
 
 def carry(
@@ -119,8 +122,11 @@ def _why(error: Exception) -> str:
     from distributed import KilledWorker
     from distributed.comm.core import CommClosedError
 
+    if isinstance(error, MsgdropError):
+        return f"cluster: {error}"
     if isinstance(error, KilledWorker):
-        return KILLED
+        deaths = error.allowed_failures + 1
+        return f"cluster: its workers died {deaths} times (killed, or out of memory?)"
     if isinstance(error, (CancelledError, CommClosedError)):
         return GONE
     return one_line(f"cluster: {type(error).__name__}: {error}")

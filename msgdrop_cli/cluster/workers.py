@@ -1,7 +1,6 @@
 """The workers of a cluster before anything begins: could they do our work, and as we would?"""
 
 import platform
-import secrets
 from collections.abc import Iterable, Mapping
 from concurrent.futures import wait
 from contextlib import suppress
@@ -13,6 +12,8 @@ from typing import TYPE_CHECKING, Any
 from msgdrop_cli import __version__
 from msgdrop_cli.cluster.connection import PATIENCE_S, asked
 from msgdrop_cli.errors import RunError
+from msgdrop_cli.records.temporary import TEMPORARY
+from msgdrop_cli.signals import scratch_folder
 
 if TYPE_CHECKING:
     from distributed import Client
@@ -40,12 +41,8 @@ def check_workers(client: "Client", root: Path) -> Workers:
     threads = client.nthreads()
     if not threads:
         raise RunError("the cluster has no workers; start some: dask worker --nthreads 1 ADDRESS")
-    probe = root / f".cluster-{secrets.token_hex(4)}"
-    probe.touch()
-    try:
+    with scratch_folder(root, TEMPORARY) as probe:
         found = _answers(client, threads, probe)
-    finally:
-        probe.unlink(missing_ok=True)
     here = about(probe)
     for address, said in found.items():
         _check(f"worker {address}", said, here)

@@ -27,10 +27,11 @@ from msgdrop_cli.commands.parts.shapes import check_claims
 from msgdrop_cli.commands.parts.show_plan import outcome_json, plan_facts, plan_json
 from msgdrop_cli.commands.parts.show_report import report
 from msgdrop_cli.commands.parts.survey import Survey, survey, wanted_of
+from msgdrop_cli.commands.parts.words import several
 from msgdrop_cli.definition.plan import Plan, plan
 from msgdrop_cli.definition.run_id import short_hash
 from msgdrop_cli.definition.spec import Definition, PlannedRun
-from msgdrop_cli.errors import RecordError
+from msgdrop_cli.errors import RecordError, RunError
 from msgdrop_cli.records.ours import delete_leftovers
 from msgdrop_cli.records.outcome import Outcome
 from msgdrop_cli.records.planned import plan_run
@@ -73,8 +74,8 @@ def carry_out(definition: Definition, options: TrainOptions) -> int:
     if tasks:
         if options.cluster is None:  # of other machines we know nothing
             check_memory(cost.memory_bytes, options.device)
+            _say_what_is_slow(options.device)
         check_folder(options.results, cost.disk_bytes)
-        _say_what_is_slow(options.device)
         _write_down(looked_up, options.results)
         outcomes = _train(asked, looked_up, tasks, options)
     else:
@@ -163,6 +164,11 @@ def _train(
             )
         if control.signal is not None:
             raise Stopped(control.signal)
+    if stopped := sum(each.status == "interrupted" for each in outcomes):
+        raise RunError(
+            f"{several(stopped, 'run')} stopped, and nobody here asked for it: their workers heard"
+            " nothing of this command (suspended, or cut off?); ask again, and they go on"
+        )
     return outcomes
 
 

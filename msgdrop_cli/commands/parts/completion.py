@@ -70,8 +70,8 @@ def sides(context: typer.Context, incomplete: str) -> list[str]:
 def readings(context: typer.Context) -> list[tuple[str, str]]:
     """The readings that the question on the line can be asked under, or all."""
     definition = _definition(_question(context))
-    environments = definition.environments if definition else ()
-    return [(name, each.says) for name, each in readings_of(environments).items()]
+    games = _games(context, definition) if definition else ()
+    return [(name, each.says) for name, each in readings_of(games).items()]
 
 
 def settings(context: typer.Context) -> list[tuple[str, str]]:
@@ -79,7 +79,8 @@ def settings(context: typer.Context) -> list[tuple[str, str]]:
     given = context.params
     if definition := _definition(_question(context)):
         variants = definition.variants.values()
-        pairs = [(definition.environments[0], str(arm.algorithm["name"])) for arm in variants]
+        game = _games(context, definition)[0]
+        pairs = [(game, str(arm.algorithm["name"])) for arm in variants]
     else:
         pairs = [(given.get("env", ""), given.get("algorithm", ""))]
     sections = dict.fromkeys(each for pair in pairs for each in vocabulary.sections(*pair))
@@ -103,6 +104,12 @@ def _question(context: typer.Context) -> str | None:
     """What stands as the last argument; behind an option without its value it is not parsed yet."""
     name = context.params.get("name")
     return str(name) if name else next(reversed(context.args), None)
+
+
+def _games(context: typer.Context, definition: Definition) -> tuple[str, ...]:
+    """Those of the profile on the line, or all of the question."""
+    profile = str(context.params.get("profile"))
+    return definition.games(profile) if profile in definition.profiles else definition.environments
 
 
 def _definition(name: str | None) -> Definition | None:
