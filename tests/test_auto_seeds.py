@@ -147,6 +147,15 @@ def test_the_plan_says_what_it_does(tmp_path: Path) -> None:
     assert "16 runs: 12 finished, 4 new" in said
 
 
+def test_the_plan_names_whom_no_claim_is_about(tmp_path: Path) -> None:
+    """An arm of one's own would be missing without a word; a decided one is not left out."""
+    mine = '[variants.mine]\nlabel = "Mine"\nalgorithm = { name = "dcc-md", rate = 0.05 }\n'
+    looks(tmp_path, dcc=LOW, md=HIGH, fdc=MIXED)
+    said = asked(tmp_path, "--dry-run", more=f"{RULE}{THIRD}{mine}").out
+    assert " ".join(said.split()).count("left out Mine: in no claim, --seeds N trains it") == 1
+    assert "left out" not in asked(tmp_path, "--dry-run").out
+
+
 @pytest.mark.parametrize(
     ("rule", "look"),
     [

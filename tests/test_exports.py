@@ -16,7 +16,7 @@ import pytest
 from msgdrop_cli.analysis.summary import summarise
 from msgdrop_cli.commands.export import _FORMATS
 from msgdrop_cli.errors import DefinitionError, RecordError, to_install
-from msgdrop_cli.records.store import RunRecord
+from msgdrop_cli.records.store import RunRecord, list_runs
 from msgdrop_cli.report.cells import csv_bytes
 from msgdrop_cli.report.export import FORMATS, export_files
 from msgdrop_cli.report.write import Folder, write_folder
@@ -48,8 +48,6 @@ def root(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def records(root: Path) -> list[RunRecord]:
     """Twelve of them, one of which diverged."""
-    from msgdrop_cli.records.store import list_runs
-
     return list_runs(root)
 
 
@@ -74,6 +72,15 @@ def test_csv_has_a_row_for_each_run_and_channel(records: list[RunRecord]) -> Non
     assert found["pursuit-n6", "dcc", "3", "links:0.5"] == "3.0"
     [lost] = [row for row in rows if row["status"] == "diverged"]
     assert (lost["reason"], lost["channel"], lost["catches_per_500"]) == ("loss is NaN", "", "")
+
+
+def test_a_run_has_a_row_under_each_question_that_has_it(tmp_path: Path) -> None:
+    """Whoever asks for one question's rows gets all of its seeds; a copy of the same adds none."""
+    for number, question in enumerate(("broken-links", "architecture", "broken-links")):
+        folder = tmp_path / f"{number}"
+        write_run(folder, "dcc", 1, catches={0.0: 2}, definition=question, run_id="01234567")
+    rows = rows_of(exported(list_runs(tmp_path), "csv")["results.csv"])
+    assert [row["question"] for row in rows] == ["architecture", "broken-links"]
 
 
 def test_csv_has_the_log_as_it_is(records: list[RunRecord]) -> None:

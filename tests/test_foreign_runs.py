@@ -108,6 +108,8 @@ def test_a_record_makes_nobody_run_what_it_names(
     said = msgdrop("eval", trained.parent.parent, "--episodes", "10")
     assert said.code == 2
     assert "1 finished run left out: they play other people's code" in said.err
+    assert "all of your own policies play other people's code: name a run's own folder" in said.err
+    assert "MSGDROP_FACTORIES=module:factory" in said.err
     assert load_policy(trained).agents == ("red", "green", "blue")
 
 

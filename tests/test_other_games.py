@@ -152,4 +152,4 @@ def test_it_is_trained_and_reported_like_ours(site: Path, tmp_path: Path) -> Non
     said = msgdrop("eval", results, "--episodes", "1001", "--workers", "1")
     assert said.code == 2
     assert "no environment is called 'echo-n3'" in said.err
-    assert "if it is somebody else's game, install its package" in said.err
+    assert "a PettingZoo game is named module:factory; other games come with a package" in said.err

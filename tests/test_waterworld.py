@@ -75,10 +75,10 @@ def test_sensors_equal_slow_sensors(config: Config) -> None:
 
 
 @pytest.mark.slow
-def test_sensors_equal_slow_sensors_in_10000_states() -> None:
-    """Six million readings of the paper's N=8 game."""
-    compared, met, close = compare_sensors(PAPER["waterworld-n8"], 10_000)
-    assert compared + close == 10_000 * 8 * 3 * 25
+def test_sensors_equal_slow_sensors_in_3000_states() -> None:
+    """Nearly two million readings of the paper's N=8 game."""
+    compared, met, close = compare_sensors(PAPER["waterworld-n8"], 3_000)
+    assert compared + close == 3_000 * 8 * 3 * 25
     assert met > 0.05 * compared
     assert close <= 2e-5 * compared
 

@@ -73,7 +73,8 @@ def claim() -> str:
         and FDC*, is **supported** while training, in all {number(len(few))} comparisons of N = 8
         and in {number(supported - len(few))} of N = 10. The {_fourth(len(learning) - len(few))} is
         **{worse.verdict}**: with ten agents DCC-MD 0.5 learns a little worse than simple DCC (by
-        {_lag(difference(worse))}). After training it is
+        {_lag(difference(worse))}). That DCC-MD 0.2 learns better than it there
+        [depends on the loss](#published{HUBER}). After training it is
         **{after[0].verdict}** everywhere, next look at {found.registration.looks[look]} seeds. The
         differences are small against what is left to learn: a scripted policy that looks four steps
         ahead returns {scripted}."""

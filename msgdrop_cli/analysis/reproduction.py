@@ -1,7 +1,6 @@
 """The paper as a tree: its figures, their claims, each reading that has runs, and the runs.
 
-Computes no number: verdicts are `claims`' and stand here as plain values, ready for a page, for
-Markdown and for JSON. What is decided here is one word for a claim that was judged several times.
+Computes no number: verdicts are those of `claims`. What was judged several times gets one word.
 """
 
 import re
@@ -53,6 +52,8 @@ class Reading:
     """What is called level: a difference surely within it; None if nothing is."""
     runs: tuple[str, ...]
     """Run ids, those of `better` first."""
+    command: str = ""
+    """Makes it again."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -294,7 +295,5 @@ def _section(
         registration=definition.registration,
         measures=measures,
         environments=environments,
-        lines=tuple(
-            replace(line, key=f"{name}-{number}") for number, line in enumerate(lines, start=1)
-        ),
+        lines=tuple(replace(each, key=f"{name}-{n}") for n, each in enumerate(lines, start=1)),
     )

@@ -27,7 +27,10 @@ _Side = Annotated[
 
 
 @app.command(
-    epilog=options.examples("diff dcc md-0.2 --results results/published", "diff 937be297 f8e60a3e")
+    epilog=options.examples(
+        "diff fdc md-0.2 --results results/published/navigation-half-million",
+        "diff 937be297 f8e60a3e",
+    )
 )
 def diff(
     one: _Side,

@@ -66,7 +66,7 @@ class Catalogue:
             return self.foreign.survey(name)
         if name not in self.environments:
             known = nearest(name[:64], self.environments)
-            theirs = "if it is somebody else's game, install its package"
+            theirs = "a PettingZoo game is named module:factory; other games come with a package"
             raise DefinitionError(f"no environment is called {name[:64]!r}; {known}; {theirs}")
         return self.environments[name]
 

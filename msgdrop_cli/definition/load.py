@@ -65,9 +65,9 @@ class QuestionFile:
     """
 
     title: str
-    """What tables and figures are headed by, e.g. `"A cautious rate"`."""
+    """What tables and figures are headed by, e.g. `"A moderate rate"`."""
     question: str
-    """What is asked, in one sentence, e.g. `"Is a twentieth enough?"`."""
+    """What is asked, in one sentence, e.g. `"What does a rate of a fifth do?"`."""
     source: str
     """Who asks: a place in the paper, or you, e.g. `"ours"`."""
     environments: tuple[str, ...]

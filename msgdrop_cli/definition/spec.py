@@ -219,7 +219,7 @@ class Profile:
     """An evaluation through each of these instead of the question's, e.g. `["none", "half"]`."""
     algorithm: Mapping[str, Any] = field(default_factory=dict)
     """Settings of every variant's algorithm, e.g. `{ batch_size = 64 }`."""
-    training: Mapping[str, Any] = field(default_factory=dict)
+    training: Mapping[str, Any] = field(default_factory=dict, metadata={"advised": True})
     """Settings of every variant's training, e.g. `{ train_env_steps = 100_000 }`."""
     environment: Mapping[str, Any] = field(default_factory=dict)
     """Settings of every variant's game, e.g. `{ time_limit = 100 }`."""

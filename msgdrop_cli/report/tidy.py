@@ -1,9 +1,10 @@
 """Records as tidy tables for other programs: columns of plain values, a row for each observation.
 
-A run that lies in several places (published and local) is there once, as in every table and figure.
+A run that lies in several places (published and local) is there once for each question that has it.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
+from itertools import chain
 from typing import Any
 
 from msgdrop_cli.analysis.evaluations import evaluations_of
@@ -35,9 +36,12 @@ def curves_table(records: Sequence[RunRecord]) -> Columns:
 
 
 def _sorted(records: Sequence[RunRecord]) -> list[RunRecord]:
-    """Each run once, beside those that it is compared with."""
+    """Each run once under every question's name for it, beside those that it is compared with."""
+    asked: dict[str, list[RunRecord]] = {}
+    for record in records:
+        asked.setdefault(record.definition, []).append(record)
     return sorted(
-        once_each(records),
+        chain.from_iterable(map(once_each, asked.values())),
         key=lambda run: (run.definition, run.profile, run.environment, run.variant, run.seed),
     )
 

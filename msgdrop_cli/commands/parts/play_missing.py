@@ -28,6 +28,9 @@ from msgdrop_cli.stopping import Stopped, graceful_stop
 _COPIED = (POLICY, METRICS, EPISODES, packed_name(METRICS), packed_name(EPISODES))
 
 
+_TO_PLAY_IT = "name a run's own folder to do so, or MSGDROP_FACTORIES=module:factory for all"
+
+
 class Evaluated(NamedTuple):
     """What came of the runs that were to be evaluated."""
 
@@ -48,12 +51,16 @@ def measurable_runs(
     """
     done = [run for run in runs_in(root) if run.status == "done"]
     unasked = [run for run in done if not _may_play(run, root, channels, episodes)]
-    _note_left_out(len(unasked), "they play other people's code: name a run's own folder to do so")
+    _note_left_out(len(unasked), f"they play other people's code: {_TO_PLAY_IT}")
     done = [run for run in done if run not in unasked]
     if listeners_only:
         listeners = [run for run in done if not _is_deaf(run)]
         _note_left_out(len(done) - len(listeners), "they hear nobody, so no link can break")
         done = listeners
+    if any(run.is_own for run in unasked) and not any(run.is_own for run in done):
+        raise DefinitionError(
+            f"{root}: all of your own policies play other people's code: {_TO_PLAY_IT}"
+        )
     for candidates in ([run for run in done if run.is_own], done):
         runs = [
             run

@@ -44,7 +44,6 @@ def plan_facts(
     through += f": {', '.join(channel.word for channel in asked.channels)}"
     busy = crowd() if options.cluster is None and options.device == "cpu" else None
     workers = several(min(options.workers, len(looked_up.pending)), "worker")
-    undecided = "" if looks else too_few_seeds(asked)
     facts = {
         "title": definition.title,
         "question": definition.question,
@@ -54,7 +53,7 @@ def plan_facts(
         **({"overridden": one_line(", ".join(options.overrides))} if options.overrides else {}),
         "variants": ", ".join(variants),
         "seeds": seeds,
-        **({"verdicts": undecided} if undecided else {}),
+        **_verdicts(asked, looks),
         "runs": _runs(looked_up),
         **_published(looked_up, asked),
     }
@@ -69,6 +68,18 @@ def plan_facts(
             "disk": f"up to {size(cost.disk_bytes)} in {options.results}",
         }
     return facts
+
+
+def _verdicts(asked: Plan, looks: Sequence[NextLook] | None) -> dict[str, str]:
+    """What these seeds can decide; of `--seeds auto`, who is left out since nothing is claimed."""
+    if not looks:
+        undecided = too_few_seeds(asked)
+        return {"verdicts": undecided} if undecided else {}
+    planned = {run.variant for run in asked.runs}
+    claimed = {name for each in asked.definition.claims for name in (each.better, each.worse)}
+    variants = asked.definition.variants.items()
+    left = [each.label for name, each in variants if name not in planned | claimed]
+    return {"left out": f"{', '.join(left)}: in no claim, --seeds N trains it"} if left else {}
 
 
 def _runs(looked_up: Survey) -> str:

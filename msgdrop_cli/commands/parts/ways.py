@@ -6,7 +6,7 @@ from dataclasses import replace
 from typing import NamedTuple
 
 from msgdrop_cli.analysis.prospects import TOO_FEW
-from msgdrop_cli.analysis.reproduction import Answer, Decides, Line, Section
+from msgdrop_cli.analysis.reproduction import Answer, Decides, Line, Reading, Section
 from msgdrop_cli.analysis.sequential import deciding_looks
 from msgdrop_cli.analysis.verdict import Word
 from msgdrop_cli.commands.parts.answers import Answers, Scale, whole
@@ -117,9 +117,16 @@ class _Guide:
         seeds = self._seeds_there(line, scale) if shown else {*first}
         return replace(
             line,
+            readings=tuple(self._made_by(each, line, figure) for each in line.readings),
             command=self._command(line, figure, scale, seeds),
             decides=self._decides(line, scale) if line.word in _OPEN else None,
         )
+
+    def _made_by(self, reading: Reading, line: Line, figure: str) -> Reading:
+        """The reading with the command that makes it again."""
+        scale = self.answers.scales[reading.profile]
+        seeds = self._seeds_there(line, scale)
+        return replace(reading, command=self._command(line, figure, scale, seeds))
 
     def wanted(self, line: Line) -> list[Wanted]:
         """The runs of both arms that are missing at the next look that can decide it."""

@@ -136,6 +136,8 @@ def _details(line: Line, section: Section) -> Html:
         parts.append(el("p", f"{_told(each)}. {each.reason}."))
         runs = ", ".join(each.runs)
         parts.append(el("p", "Runs: ", el("code", runs), class_="runs"))
+        if each is not line.shown:
+            parts.append(el("p", "Again: ", el("code", each.command, class_="command")))
     if section.registered:
         parts.append(el("p", "Registered as ", el("code", section.registered), "."))
     again = "again" if line.readings else "for the first time"

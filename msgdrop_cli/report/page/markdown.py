@@ -89,7 +89,7 @@ def _rows(line: Line) -> list[tuple[str, ...]]:
                 str(each.seeds) if each else NOTHING,
                 line.word if each is first else (each.word if each else line.word),
                 decides(line.decides) or NOTHING if each is first else NOTHING,
-                line.command if each is first else NOTHING,
+                each.command if each else line.command,
             )
         )
     return rows

@@ -37,6 +37,8 @@ class Key(NamedTuple):
     is_table: bool
     needed: bool
     """Whether its table is no table without it."""
+    advised: bool
+    """Whether it may be left out, but its default is not what most begin with."""
     instead: bool
     """Whether it stands in place of others, never beside them."""
 
@@ -62,6 +64,7 @@ def question_keys(cls: type[Any] = QuestionFile, table: str = "") -> Iterator[Ke
             example=example[1] if example else "",
             is_table=inner is not None,
             needed=field.default is MISSING and field.default_factory is MISSING,
+            advised=field.metadata.get("advised", False),
             instead=field.metadata.get("instead", False),
         )
         if inner is None:
@@ -78,7 +81,8 @@ def question_file(keys: Sequence[Key]) -> str:
     lines = [*_HEAD]
     needless = {key.names[0] for key in keys if key.is_table and not key.needed}
     for key in keys:
-        mark = "" if key.needed and key.table not in needless else "# " if key.instead else "#"
+        stands = (key.needed or key.advised) and key.table not in needless
+        mark = "" if stands else "# " if key.instead else "#"
         text = f"{key.names[0]} = {key.example}"
         lines += ["", *(f"# {line}" for line in textwrap.wrap(key.meaning, _WIDTH))]
         lines.append(mark + (key.example if key.is_table else text))
