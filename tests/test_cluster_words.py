@@ -108,6 +108,25 @@ def test_a_scheduler_that_is_silent_is_not_waited_for() -> None:
     assert crew.lost() == tasks.SILENT
 
 
+def test_who_is_there_is_asked_before_anything_is_sent(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Gigabytes may take longer than the patience: what was answered meanwhile is an answer."""
+    order: list[str] = []
+    client: Any = SimpleNamespace(status="running", nthreads=lambda: {"tcp://1": 1})
+    monkeypatch.setattr(tasks, "asked", lambda *_: order.append("asked"))
+
+    def submit(task: Task) -> None:
+        order.append("sent")
+        raise RecordError("is in use by another process", 75)
+
+    way: Any = SimpleNamespace(submit=submit)
+    with in_memory() as control:
+        todo = tasks_for(tiny_runs(seeds=(1,)), tmp_path)
+        tasks.carry(client, way, todo, control, lambda news: order.append(news[0].status))
+    assert order == ["asked", "sent", "failed"]
+
+
 def test_a_worker_that_does_not_see_the_folder_makes_none(tmp_path: Path) -> None:
     """It came late: its task has failed, with a line, and nothing is left on its disk."""
     [task] = tasks_for(tiny_runs(seeds=(1,)), tmp_path / "elsewhere")

@@ -49,19 +49,19 @@ class _Crew:
 
     client: "Client"
     workers: Sequence[str]
-    question: Answer | None = None
+    question: Answer
+    """Who is there, asked before anything else: what is sent may take longer than the patience."""
     seen: float = field(default_factory=time.monotonic)
     """When the scheduler last said that there is a worker, by this process's own clock."""
 
     def look(self) -> None:
-        """Take the answer to the last question, if there is one, and ask again."""
-        if self.question is not None:
-            if not self.question.done():
-                return
+        """Take the answer to the question, if there is one, and ask again."""
+        if self.question.done():
             with suppress(Exception):
                 self.workers = tuple(self.question.result())
-                self.seen = time.monotonic() if self.workers else self.seen
-        self.question = asked(self.client, self.client.nthreads)
+                if self.workers:
+                    self.seen = time.monotonic()
+            self.question = asked(self.client, self.client.nthreads)
 
     def lost(self) -> str:
         """Why nothing can come of any task; empty if something can."""
@@ -78,7 +78,7 @@ def carry(
     """Do tasks on a cluster; see `scheduler.Elsewhere`."""
     waiting = list(tasks)
     away: dict[Answer, Task] = {}
-    crew = _Crew(client, tuple(client.nthreads()))
+    crew = _Crew(client, tuple(client.nthreads()), asked(client, client.nthreads))
     while not (reason := crew.lost()):
         while waiting and len(away) < max(1, len(crew.workers)) and not control.stopping():
             _send(client, way, waiting.pop(0), away, arrived)

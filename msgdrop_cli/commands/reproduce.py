@@ -53,7 +53,7 @@ def reproduce(
     if budget is not None and not train:
         raise DefinitionError("--budget: of what? it is the time that --train may take")
     code = _train(results, budget, workers, device) if train else 0
-    console.note("judging every claim on what is on record: about a minute")
+    console.note("judging every claim on what is on record")
     page, paths = _written(results, workers, device, may_be_empty=train)
     for altered in page.altered:
         console.note(altered)

@@ -111,16 +111,15 @@ class _Guide:
 
     def complete(self, line: Line, figure: str) -> Line:
         """The line with its command and what would decide it."""
-        shown = line.shown
-        scale = self.answers.scales[shown.profile] if shown else self._first_scale(line)
-        first = range(1, self._first_look(line) + 1)
-        seeds = self._seeds_there(line, scale) if shown else {*first}
-        return replace(
-            line,
-            readings=tuple(self._made_by(each, line, figure) for each in line.readings),
-            command=self._command(line, figure, scale, seeds),
-            decides=self._decides(line, scale) if line.word in _OPEN else None,
-        )
+        readings = tuple(self._made_by(each, line, figure) for each in line.readings)
+        line = replace(line, readings=readings)
+        if line.shown:
+            scale, command = self.answers.scales[line.shown.profile], line.shown.command
+        else:
+            scale, first = self._first_scale(line), range(1, self._first_look(line) + 1)
+            command = self._command(line, figure, scale, {*first})
+        decides = self._decides(line, scale) if line.word in _OPEN else None
+        return replace(line, command=command, decides=decides)
 
     def _made_by(self, reading: Reading, line: Line, figure: str) -> Reading:
         """The reading with the command that makes it again."""
