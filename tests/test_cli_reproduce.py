@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 
 import pytest
 
+from msgdrop_cli.definition.figures import all_figures
 from msgdrop_cli.definition.load import list_definitions, load_definition
 from msgdrop_cli.definition.plan import Plan, plan
 from msgdrop_cli.definition.seeds import parse_seeds
@@ -159,6 +160,15 @@ def test_every_rows_command_makes_the_row(made: Made) -> None:
         for reading in line["readings"]:
             again = {run.run_id for run in asked(reading["command"]).runs}
             assert again.issuperset(reading["runs"])
+
+
+def test_a_figures_rows_ask_for_no_other_game(made: Made) -> None:
+    """Whose question has more of them, at a scale that leaves none out."""
+    sections = {each["key"]: each["lines"] for each in made.document["sections"]}
+    for name, figure in all_figures().items():
+        for line in sections.get(name, ()):
+            games = {run.spec.environment for run in asked(line["command"]).runs}
+            assert games <= {*figure.environments}, line["command"]
 
 
 def test_json_is_the_document(made: Made, tmp_path: Path) -> None:

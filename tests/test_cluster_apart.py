@@ -23,7 +23,8 @@ from tests.processes import tasks_for, tiny_runs, wait_for
 from tests.runs import digest
 
 pytest.importorskip("distributed")
-STEPS = 16_000
+SECONDS = 4.0
+"""What a run takes: long enough to be stopped on its way."""
 
 
 @pytest.fixture(scope="module")
@@ -53,16 +54,29 @@ def digests(root: Path) -> dict[str, str]:
     return {run.run_id: digest(run.path) for run in list_runs(root)}
 
 
+def do_here(root: Path, steps: int) -> None:
+    """The same two runs in this process."""
+    with graceful_stop() as control:
+        run_tasks(tasks_for(tiny_runs(steps, (1, 2)), root), control, workers=1)
+
+
+def steps_in(seconds: float, scratch: Path) -> int:
+    """Env steps of a tiny run that takes so long here: machines differ by five times."""
+    do_here(scratch, 1_000)
+    quickest = min(float(run.run["wall_time_s"]) for run in list_runs(scratch))
+    return 200 * round(5.0 * seconds / quickest)
+
+
 @pytest.mark.slow
 def test_runs_that_travel_are_the_same(there: Cluster, tmp_path: Path) -> None:
     """Stopped, they come home with their checkpoints, and go on from there: one digest."""
     undisturbed, root = tmp_path / "here", tmp_path / "results"
-    with graceful_stop() as control:
-        run_tasks(tasks_for(tiny_runs(STEPS, (1, 2)), undisturbed), control, workers=1)
+    steps = steps_in(SECONDS, tmp_path / "scratch")
+    do_here(undisturbed, steps)
     root.mkdir()
-    assert {each.status for each in do(there, root, STEPS, stopped=True)} == {"interrupted"}
+    assert {each.status for each in do(there, root, steps, stopped=True)} == {"interrupted"}
     assert len(list(root.rglob("state.safetensors"))) >= 1
-    outcomes = do(there, root, STEPS)
+    outcomes = do(there, root, steps)
     assert [each.status for each in outcomes] == ["done"] * 2
     assert digests(root) == digests(undisturbed)
     assert {run.run["node"] for run in list_runs(root)} == {os.uname().nodename}

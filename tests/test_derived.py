@@ -74,6 +74,21 @@ def test_logs_are_read_once(home: Path, monkeypatch: pytest.MonkeyPatch) -> None
     assert numbers(records(home)) == first
 
 
+def test_a_log_is_read_once(home: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The first time, too: what is computed of it is computed together."""
+    read: list[Path] = []
+
+    def noted(path: Path, *numbers: str) -> list[dict[str, Any]]:
+        read.append(path)
+        return read_log(path, *numbers)
+
+    monkeypatch.setattr("msgdrop_cli.records.store.read_log", noted)
+    runs = records(home)
+    numbers(runs)
+    assert all(run.has_episodes([NONE_BROKEN], 2) for run in runs)
+    assert sorted(read) == sorted(run.path / log for run in runs for log in (METRICS, EPISODES))
+
+
 def test_one_file_is_read_for_each_run(home: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """However many numbers are asked for."""
     numbers(records(home))

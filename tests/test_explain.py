@@ -85,10 +85,12 @@ def test_a_reading_is_explained_by_its_row_of_the_paper() -> None:
 
 
 def test_a_figure_is_explained_by_its_part_of_a_question() -> None:
-    """Its games and claims, not all of the question's."""
+    """Its games and claims, not all of the question's, and what to ask it with."""
     said = told("figure-4b")
     assert "a part of dropout-rate: msgdrop ablate figure-4b" in said
-    assert "games pursuit-n8 measures" in said
+    assert "games pursuit-n8 channels" in said
+    assert "profiles quick, million, two-million, paper" in said
+    assert "variant md-0.2 DCC-MD 0.2" in said
 
 
 def test_a_verdict_is_explained_in_the_words_of_the_page() -> None:

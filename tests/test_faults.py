@@ -50,7 +50,8 @@ def test_a_share_of_the_fault_table_survives(results: Results, row: str) -> None
     found = results[row]
     if found["not_here"]:
         pytest.skip(found["not_here"])
-    assert found["first_failure"] is None, found["repeat"]
+    again = f'python -m tests.faults --row "{row}" --trial {" ".join(map(str, found["failed"]))}'
+    assert found["first_failure"] is None, f"{found['first_failure']}; {again}"
     assert found["survived"] == found["trials"] > 0
 
 

@@ -3,9 +3,11 @@
 from collections.abc import Iterator
 from itertools import combinations
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.image import imread
 from matplotlib.text import Text
@@ -62,10 +64,14 @@ def study(root: Path, variants: int, label: str = LONG) -> Summary:
 
 def overlaps(figure: Figure) -> list[tuple[str, str]]:
     """Every two texts of which one stands on the other."""
-    figure.canvas.draw()
+    canvas: Any = FigureCanvasAgg(figure)
+    canvas.draw()
+    renderer = canvas.get_renderer()  # each text would make one of its own
     found = figure.findobj(Text)
     texts = [text for text in found if isinstance(text, Text) and text.get_visible()]
-    boxes = [(text.get_text(), text.get_window_extent()) for text in texts if text.get_text()]
+    boxes = [
+        (each.get_text(), each.get_window_extent(renderer)) for each in texts if each.get_text()
+    ]
     return [
         (one, other)
         for (one, box), (other, another) in combinations(boxes, 2)

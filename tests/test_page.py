@@ -4,16 +4,22 @@ import json
 import re
 from dataclasses import replace
 from html.parser import HTMLParser
+from io import BytesIO
+
+import numpy as np
+from matplotlib.image import imread
 
 from msgdrop_cli.analysis.reproduction import WORDS, Decides
 from msgdrop_cli.definition.readings import all_readings
 from msgdrop_cli.definition.statements import parse_register, read_register
-from msgdrop_cli.report.page.content import Picture, decides
+from msgdrop_cli.report.page.content import Picture, decides, with_few_colours
 from msgdrop_cli.report.page.elements import Html, el
 from msgdrop_cli.report.page.html import LARGEST, html
 from msgdrop_cli.report.page.markdown import markdown
+from tests.cli_runs import ROOT
 from tests.pages import page, png
 
+STUDY = ROOT / "results" / "published" / "broken-links-two-million"
 HOSTILE = "<script>alert(1)</script><img src=x onerror=alert(2)>\"'&| `x` </td></table>"
 
 
@@ -159,3 +165,14 @@ def test_a_cell_may_hold_an_escaped_bar() -> None:
     [statement] = parse_register(text).statements
     assert statement.says == "x |a|^2"
     assert statement.is_ours
+
+
+def test_few_colours_are_those_of_the_figure() -> None:
+    """Bands that lie over each other have thousands; none is off by more than a sixteenth."""
+    for file in sorted((STUDY / "figures").glob("*-learning.png")):
+        content = file.read_bytes()
+        few = with_few_colours(content)
+        whole, small = (imread(BytesIO(each))[..., :3] for each in (content, few))
+        assert np.abs(whole - small).max() <= 1 / 16
+        assert (small[0] == 1.0).all()  # paper stays white
+        assert len(few) < len(content) / 2

@@ -19,6 +19,7 @@ from msgdrop_cli.definition.load import load_definition
 from msgdrop_cli.definition.spec import Registration
 from msgdrop_cli.records.elsewhere import runs_of
 from msgdrop_cli.records.references import find_references, game_key
+from msgdrop_cli.records.remembering import remembering
 
 PUBLISHED = Path(__file__).parents[2] / "results" / "published"
 SIX, EIGHT = "pursuit-n6", "pursuit-n8"
@@ -141,9 +142,9 @@ class Study(NamedTuple):
 def study(folder: str, environment: str | None = None) -> Study:
     """A folder of results/published, measured and judged; environment: its part in that game."""
     path = PUBLISHED / folder
-    records = [
-        record for record in runs_of(path).records if environment in (None, record.environment)
-    ]
+    records = remembering(
+        [each for each in runs_of(path).records if environment in (None, each.environment)], None
+    )
     definition = load_definition(records[0].definition)
     keys = {game_key(record.spec["environment"]) for record in records}
     known = {key: find_references(path, key) for key in keys}

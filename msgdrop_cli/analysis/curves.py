@@ -6,7 +6,7 @@ A window says what the acting (exploring) policy did in training since the row b
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from msgdrop_cli.analysis.intervals import mean_band
 from msgdrop_cli.analysis.statistics import Interval, mean, total
@@ -100,17 +100,24 @@ def learning_mean(record: RunRecord, metric: str) -> float | None:
     Windows weigh their env steps, so a per-step rate such as catches per 500 is exact. None when
     the log has no value of this metric.
     """
-    mean: float | None = record.derive(
-        f"learning mean {metric}", lambda: _learning_mean(_windows(record, metric))
-    )
-    return mean
+    found: float | None = _learning(record, metric)[0]
+    return found
 
 
 def smooth_curve(record: RunRecord, metric: str) -> Points:
     """The metric of one run, in a centred moving mean over SMOOTHING_SHARE of it."""
-    return Points(
-        *record.derive(f"learning curve {metric}", lambda: _smooth(_windows(record, metric)))
-    )
+    return Points(*_learning(record, metric)[1])
+
+
+def _learning(record: RunRecord, metric: str) -> Sequence[Any]:
+    """Mean and curve, of one reading of the log."""
+
+    def make() -> tuple[float | None, Points]:
+        windows = _windows(record, metric)
+        return _learning_mean(windows), _smooth(windows)
+
+    found: Sequence[Any] = record.derive(f"learning {metric}", make)
+    return found
 
 
 def _learning_mean(windows: Sequence[Window]) -> float | None:

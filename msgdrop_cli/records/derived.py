@@ -31,9 +31,9 @@ SETTLED_NS = 2 * 10**9
 
 
 class Derived:
-    """The values of one run, kept in a results folder."""
+    """The values of one run, kept in a results folder; without one as long as the object lives."""
 
-    def __init__(self, home: Path, run: Path, logs: tuple[str, ...]) -> None:
+    def __init__(self, home: Path | None, run: Path, logs: tuple[str, ...]) -> None:
         self._home, self._run, self._logs = home, run, logs
         self._values: dict[str, Any] | None = None
         self._made_of: list[int] | None = None
@@ -41,7 +41,7 @@ class Derived:
     def value(self, name: str, make: Callable[[], Any]) -> Any:
         """The JSON value of this name, kept or made."""
         if self._values is None:
-            self._made_of = self._facts()
+            self._made_of = self._facts() if self._home else None
             self._values = self._read()
         if name not in self._values:
             self._values[name] = make()
@@ -63,17 +63,17 @@ class Derived:
             facts += (found.st_mtime_ns, found.st_ctime_ns)
         return facts
 
-    def _file(self) -> Path:
+    def _file(self, home: Path) -> Path:
         """Where they are kept: runs of one name may lie in several places."""
-        within = short_hash({"run": os.path.relpath(self._run, self._home)})
-        return self._home / DERIVED / f"{self._run.name}-{within}.json"
+        within = short_hash({"run": os.path.relpath(self._run, home)})
+        return home / DERIVED / f"{self._run.name}-{within}.json"
 
     def _read(self) -> dict[str, Any]:
         """What this very code has kept of these very logs; the rest makes room."""
-        if self._made_of is None:
+        if self._home is None or self._made_of is None:
             return {}
         try:
-            digest, _, content = read_bytes(self._file(), LARGEST).partition(b"\n")
+            digest, _, content = read_bytes(self._file(self._home), LARGEST).partition(b"\n")
             if hashlib.sha256(content).hexdigest().encode() == digest:
                 made_by, made_of, values = json.loads(content)
                 if (made_by, made_of) == (code(), self._made_of):
@@ -84,10 +84,10 @@ class Derived:
 
     def _keep(self) -> None:
         """Write all values down, if the logs are still what they were; a fault loses nothing."""
-        if self._made_of is None or self._facts() != self._made_of:
+        if self._home is None or self._made_of is None or self._facts() != self._made_of:
             return
         content = json.dumps([code(), self._made_of, self._values]).encode()
-        file = self._file()
+        file = self._file(self._home)
         if len(content) > LARGEST - 65 or file.parent.is_symlink():
             return
         digest = hashlib.sha256(content).hexdigest().encode()

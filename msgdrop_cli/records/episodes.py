@@ -15,15 +15,15 @@ def by_channel(rows: Iterable[dict[str, Any]], file: Path) -> dict[Channel, list
     Rows of before there were others say `broken_links`, as the paper's channel does to this day.
     Raises RecordError, naming file and line, for a row without a channel.
     """
-    known: dict[str, Channel] = {}  # thousands of rows, a few channels
     sorted_out: dict[Channel, list[dict[str, Any]]] = {}
+    known: dict[str, list[dict[str, Any]]] = {}  # thousands of rows, a few spellings
     for line, row in enumerate(rows, start=1):
         value = row.get("channel", row.get("broken_links"))
         text = str(value)
         if text not in known:
             try:
-                known[text] = Channel.read(value)
+                known[text] = sorted_out.setdefault(Channel.read(value), [])
             except ValueError as error:
                 raise RecordError(one_line(f"{file}: line {line}: channel: {error}")) from error
-        sorted_out.setdefault(known[text], []).append(row)
+        known[text].append(row)
     return sorted_out

@@ -1,4 +1,4 @@
-"""Which runs keep what is computed of their logs: those of who asks for it, and no others."""
+"""Which runs keep what is computed of their logs, and where."""
 
 from collections.abc import Iterable
 from dataclasses import replace
@@ -9,16 +9,16 @@ from msgdrop_cli.records.store import EPISODES, METRICS, RunRecord
 from msgdrop_cli.records.sums import SUMS
 
 
-def remembering(records: Iterable[RunRecord], home: Path) -> list[RunRecord]:
+def remembering(records: Iterable[RunRecord], home: Path | None) -> list[RunRecord]:
     """The same runs; what is computed of them is kept in the results folder `home`.
 
-    Nothing is kept of a run that lies in none: `home` is its own folder then, or a published study
-    that has been copied, of which every file is listed.
+    It is kept in memory alone for who has none (None), and of a run that lies in none: `home` is
+    its own folder then, or a published study that was copied, of which every file is listed.
     """
     logs = (METRICS, EPISODES)
-    if (home / SUMS).exists():
-        return [*records]
+    if home and (home / SUMS).exists():
+        home = None
     return [
-        record if record.path == home else replace(record, derived=Derived(home, record.path, logs))
+        replace(record, derived=Derived(None if record.path == home else home, record.path, logs))
         for record in records
     ]

@@ -4,7 +4,7 @@ What a run is stands in its `run.json`, never in a file name; `folders` finds wh
 """
 
 import os
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from pathlib import Path
@@ -40,6 +40,7 @@ FACTS = (
 ENDED = ("diverged", "done")
 """Statuses that no training changes any more."""
 _LONGEST_REASON = 500
+_PLAYED = "episodes through each channel"
 
 
 @dataclass(frozen=True, slots=True)
@@ -141,7 +142,10 @@ class RunRecord:
 
     def episodes(self) -> dict[Channel, list[dict[str, Any]]]:
         """The raw evaluation episodes, channel by channel; RecordError if damaged."""
-        return by_channel(read_log(self.path / EPISODES, "episode"), log_file(self.path / EPISODES))
+        log = self.path / EPISODES
+        found = by_channel(read_log(log, "episode"), log_file(log))
+        self.derive(_PLAYED, lambda: _counts(found))  # `has_episodes` need not read them again
+        return found
 
     def derive(self, name: str, make: Callable[[], Any]) -> Any:
         """A JSON value that `make` computes of the logs, or computed once if it is kept.
@@ -152,13 +156,14 @@ class RunRecord:
 
     def has_episodes(self, channels: Iterable[Channel], count: int) -> bool:
         """Whether it has at least `count` episodes of each channel; RecordError if damaged."""
-        played = dict(self.derive("episodes through each channel", self._played))
+        played = dict(self.derive(_PLAYED, lambda: _counts(self.episodes())))
         wanted = (played.get(name, 0) for each in channels for name in each.entry.values())
         return all(episodes >= count for episodes in wanted)
 
-    def _played(self) -> list[tuple[Any, ...]]:
-        """What each channel is called in a log, and how many episodes it has."""
-        return [(*channel.entry.values(), len(rows)) for channel, rows in self.episodes().items()]
+
+def _counts(episodes: Mapping[Channel, Sequence[Any]]) -> list[tuple[Any, ...]]:
+    """What each channel is called in a log, and how many episodes it has."""
+    return [(*channel.entry.values(), len(rows)) for channel, rows in episodes.items()]
 
 
 class Listing(NamedTuple):

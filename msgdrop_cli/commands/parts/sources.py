@@ -7,6 +7,7 @@ import ast
 import re
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
+from functools import lru_cache
 from importlib.util import find_spec
 from itertools import zip_longest
 from pathlib import Path
@@ -59,7 +60,7 @@ def modules(package: str, containing: str = "") -> list[Module]:
     """
     try:
         files = texts(package, "*.py").items()
-        return [Module(path.stem, ast.parse(text)) for path, text in files if containing in text]
+        return [Module(path.stem, _tree(text)) for path, text in files if containing in text]
     except (SyntaxError, ValueError):
         return []
 
@@ -68,9 +69,13 @@ def module(package: str, name: str) -> Module:
     """One of them; an empty one where there is none."""
     try:
         [text] = texts(package, f"{name}.py").values()
-        return Module(name, ast.parse(text))
+        return Module(name, _tree(text))
     except (SyntaxError, ValueError):
         return Module(name, ast.Module([], []))
+
+
+_tree = lru_cache(maxsize=256)(ast.parse)
+"""Of one text: a command asks several times what stands in the games' files."""
 
 
 def texts(package: str, pattern: str) -> dict[Path, str]:

@@ -26,6 +26,7 @@ from msgdrop_cli.records.folders import run_folders
 from msgdrop_cli.records.own_sums import RUN_SUMS, run_differences
 from msgdrop_cli.records.packed import log_file
 from msgdrop_cli.records.references import REFERENCES, find_references, game_key
+from msgdrop_cli.records.remembering import remembering
 from msgdrop_cli.records.store import EPISODES, POLICY, RunRecord, list_runs
 from msgdrop_cli.records.sums import SUMS, Difference, differences, sums_of
 from msgdrop_cli.report.compare import difference, is_compared
@@ -77,8 +78,8 @@ def _study(folder: Path, scratch: Folder, root: Path) -> Verified:
             looked_at = several(len(sums_of(folder)), "file")
         if changed:
             return Verified(folder, looked_at, tuple(changed))
-        records = [list_runs(each)[0] for each in run_folders(folder).runs]
-        elsewhere = read_elsewhere(folder)
+        records = remembering([list_runs(each)[0] for each in run_folders(folder).runs], None)
+        elsewhere = remembering(read_elsewhere(folder), None)
         if not (every := [*records, *elsewhere]):
             return Verified(folder, looked_at, ())
         for record in every:

@@ -16,7 +16,7 @@ from msgdrop_cli.commands.parts.survey import Wanted, survey_among, wanted_of
 from msgdrop_cli.definition.catalogue import Catalogue
 from msgdrop_cli.definition.figures import all_figures
 from msgdrop_cli.definition.plan import Plan, plan
-from msgdrop_cli.definition.run_id import run_id
+from msgdrop_cli.definition.run_id import run_ids
 from msgdrop_cli.definition.spec import Definition, PlannedRun, Registration
 
 _OPEN: tuple[Word, ...] = ("undecided", "not run")
@@ -144,9 +144,8 @@ class _Guide:
         found = []
         for variant in arms:
             run = self._planned(scale, environment, variant)
-            for seed in range(1, seeds + 1):
-                spec = replace(run.spec, seed=seed)
-                found.append(replace(run, spec=spec, run_id=run_id(spec)))
+            for seed, name in enumerate(run_ids(run.spec, range(1, seeds + 1)), start=1):
+                found.append(replace(run, spec=replace(run.spec, seed=seed), run_id=name))
         wanted = wanted_of(asked, found)
         pending = {run.run_id for run in survey_among(wanted, self.answers.copies).pending}
         return [each for each in wanted if each.run.run_id in pending]
@@ -197,26 +196,25 @@ class _Guide:
 
     def _command(self, line: Line, figure: str, scale: Scale, seeds: set[int]) -> str:
         names = self._asked_by(line, scale)
-        name = figure if figure in names else next(iter(names), line.question)
+        judges = [name for name in names if name in (figure, line.question)]
+        name = next(iter([*judges, *names]), line.question)
         under = "".join(f" --reading {each}" for each in scale.readings)
         return f"msgdrop ablate {name} --profile {scale.profile}{under} --seeds {_listed(seeds)}"
 
     def _asked_by(self, line: Line, scale: Scale) -> list[str]:
-        """What trains and evaluates both arms at a scale: the question, or a figure that it has.
+        """What trains and evaluates both arms at a scale, fewest runs first: question and figures.
 
         Figures leave no variant out. One that shows another measure has runs for this one, too.
         """
-        profile = self.definition.profiles[scale.profile]
-        if line.environment in self.definition.games(scale.profile) and {
-            line.better,
-            line.worse,
-        } <= set(profile.variants or self.definition.variants):
-            return [line.question]
-        return [
-            name
-            for name, each in all_figures().items()
-            if each.question == line.question and line.environment in each.environments
-        ]
+        games, everyone = self.definition.games(scale.profile), self.definition.variants
+        variants = self.definition.profiles[scale.profile].variants or everyone
+        runs = {}
+        if line.environment in games and {line.better, line.worse} <= set(variants):
+            runs[line.question] = len(games) * len(variants)
+        for name, each in all_figures().items():
+            if each.question == line.question and line.environment in each.environments:
+                runs[name] = len(each.environments) * len(everyone)
+        return sorted(runs, key=runs.__getitem__)
 
     def _decides(self, line: Line, scale: Scale) -> Decides | None:
         rule, shown = self.definition.registration, line.shown

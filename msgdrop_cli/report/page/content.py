@@ -50,8 +50,8 @@ def with_few_colours(png: bytes) -> bytes:
 
     few = io.BytesIO()
     with Image.open(io.BytesIO(png)) as picture:
-        small = picture.convert("RGB").quantize(256, dither=Image.Dither.NONE)
-        small.save(few, "PNG", optimize=True)
+        how = Image.Quantize.MAXCOVERAGE  # keeps rare colours, and white as it is
+        picture.convert("RGB").quantize(256, how, dither=Image.Dither.NONE).save(few, "PNG")
     return few.getvalue()
 
 

@@ -35,29 +35,25 @@ def asked_topics(keys: Sequence[Key]) -> Iterator[Topic]:
 
 
 def _question(asked: Definition) -> Topic:
-    facts = (
-        Fact("games", ", ".join(asked.environments)),
-        Fact("channels", ", ".join(each.short for each in asked.channels)),
-        Fact("profiles", ", ".join(asked.profiles)),
-        *(Fact(f"variant {known}", arm.label) for known, arm in asked.variants.items()),
-        *_claims(asked),
-    )
-    return Topic("question", (asked.name,), asked.source, f"{asked.title}: {asked.question}", facts)
+    text = f"{asked.title}: {asked.question}"
+    return Topic("question", (asked.name,), asked.source, text, tuple(_parts(asked)))
 
 
 def _figure(figure: Figure, part: Definition) -> Topic:
-    facts = (
-        Fact("games", ", ".join(part.environments)),
-        Fact("measures", ", ".join(figure.measures)),
-        *_claims(part),
-    )
+    facts = (Fact("measures", ", ".join(figure.measures)), *_parts(part))
     where = f"a part of {figure.question}: msgdrop ablate {part.name}"
     return Topic("figure", (part.name,), where, f"{part.title}.", facts)
 
 
-def _claims(asked: Definition) -> Iterator[Fact]:
+def _parts(asked: Definition) -> Iterator[Fact]:
+    yield Fact("games", ", ".join(asked.environments))
+    yield Fact("channels", ", ".join(each.short for each in asked.channels))
+    yield Fact("profiles", ", ".join(asked.profiles))
+    for known, arm in asked.variants.items():
+        yield Fact(f"variant {known}", arm.label)
     says = dict.fromkeys(claim.says for claim in asked.claims)
-    return (Fact(f"claim {number}", each) for number, each in enumerate(says, start=1))
+    for number, each in enumerate(says, start=1):
+        yield Fact(f"claim {number}", each)
 
 
 def _variants(asked: Sequence[Definition]) -> Iterator[Topic]:
