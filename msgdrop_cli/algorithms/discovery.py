@@ -1,12 +1,11 @@
 """Finds learners by file: every module here with a `NAMED` table is one."""
 
-import importlib
-import pkgutil
 from types import ModuleType
 from typing import Any
 
 import msgdrop_cli.algorithms
 from msgdrop_cli.algorithms.learner import LearnerFactory
+from msgdrop_cli.definition.modules import modules_in
 
 
 def learners() -> dict[str, ModuleType]:
@@ -16,10 +15,7 @@ def learners() -> dict[str, ModuleType]:
     `algorithm` and `training` as in `paper.toml`.
     """
     package = msgdrop_cli.algorithms
-    modules = {
-        found.name: importlib.import_module(f"{package.__name__}.{found.name}")
-        for found in pkgutil.iter_modules(package.__path__)
-    }
+    modules = modules_in(package.__name__, package.__path__)
     return {name: module for name, module in modules.items() if hasattr(module, "NAMED")}
 
 

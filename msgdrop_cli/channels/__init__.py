@@ -7,8 +7,6 @@ step's; 3, of three steps ago; LOST, none arrives. `engine/delivery.py` hands ov
 that age.
 """
 
-import importlib
-import pkgutil
 from typing import Any, ClassVar, NamedTuple
 
 import torch
@@ -16,6 +14,7 @@ from torch import Tensor
 
 from msgdrop_cli.definition import traces
 from msgdrop_cli.definition.channel import Channel, build_channel
+from msgdrop_cli.definition.modules import modules_in
 
 LOST = traces.LOST
 """The age of a message that does not arrive."""
@@ -139,11 +138,10 @@ def check_at_most(name: str, value: float, most: int, agents: int) -> None:
 
 def kinds() -> dict[str, type[Any]]:
     """The dataclass of every kind, by the kind's name."""
-    found = {}
-    for name in sorted(module.name for module in pkgutil.iter_modules(__path__)):
-        module = importlib.import_module(f"{__name__}.{name}")
-        found[name.replace("_", "-")] = getattr(module, name.title().replace("_", ""))
-    return found
+    return {
+        name.replace("_", "-"): getattr(module, name.title().replace("_", ""))
+        for name, module in modules_in(__name__, __path__).items()
+    }
 
 
 def kind_of(channel: Channel) -> Kind:

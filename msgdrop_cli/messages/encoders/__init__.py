@@ -5,13 +5,12 @@ anything, is held apart, as the weights of networks are: see `algorithms/hearing
 Letters: `R` runs, `O` observation, `M` one message.
 """
 
-import importlib
-import pkgutil
 from collections.abc import Mapping
 from typing import Any, Protocol
 
 from torch import Tensor
 
+from msgdrop_cli.definition.modules import modules_in
 from msgdrop_cli.errors import nearest
 
 OBSERVATION = "observation"
@@ -43,12 +42,9 @@ class Autoencoder(Encoder, Protocol):
         """What was seen [R, rows, O], as far as the messages [R, rows, M] tell."""
 
 
-def encoders() -> dict[str, Any]:
+def encoders() -> Mapping[str, Any]:
     """The encoders' modules by name."""
-    return {
-        found.name: importlib.import_module(f"{__name__}.{found.name}")
-        for found in pkgutil.iter_modules(__path__)
-    }
+    return modules_in(__name__, __path__)
 
 
 def encoder_of(name: str) -> Autoencoder:

@@ -3,11 +3,10 @@
 A topology says of every agent whom it hears, in the order of the message slots of its network.
 """
 
-import importlib
-import pkgutil
 from collections.abc import Sequence
 from types import ModuleType
 
+from msgdrop_cli.definition.modules import modules_in
 from msgdrop_cli.errors import nearest
 
 Senders = Sequence[Sequence[int]]
@@ -16,10 +15,7 @@ Senders = Sequence[Sequence[int]]
 
 def topologies() -> dict[str, ModuleType]:
     """The topologies' modules by name; each has `senders(agents) -> Senders`."""
-    return {
-        found.name: importlib.import_module(f"{__name__}.{found.name}")
-        for found in pkgutil.iter_modules(__path__)
-    }
+    return modules_in(__name__, __path__)
 
 
 def senders(topology: str, agents: int) -> Senders:
