@@ -80,10 +80,10 @@ class Store(NamedTuple):
         return msgdrop("ablate", self.question, *where, *arguments)
 
 
-def filled_store(folder: Path) -> Store:
-    """A results folder with four tiny runs, trained here and now."""
+def filled_store(folder: Path, text: str = QUESTION) -> Store:
+    """A results folder with four tiny runs of a question, trained here and now."""
     question = folder / "tiny.toml"
-    question.write_text(QUESTION)
+    question.write_text(text)
     empty = Store(question, folder / "results", Said(0, "", ""))
     return empty._replace(said=empty.ablate())
 

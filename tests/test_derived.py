@@ -2,7 +2,9 @@
 
 import json
 import os
+import shutil
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +18,9 @@ from msgdrop_cli.commands.parts.answers import readable_runs
 from msgdrop_cli.commands.parts.listing import runs_in
 from msgdrop_cli.commands.parts.verified import verified
 from msgdrop_cli.definition.channel import NONE_BROKEN
+from msgdrop_cli.errors import RecordError
 from msgdrop_cli.records import derived
+from msgdrop_cli.records.counted import _rank
 from msgdrop_cli.records.derived import DERIVED
 from msgdrop_cli.records.files import read_bytes
 from msgdrop_cli.records.packed import read_log
@@ -238,10 +242,43 @@ def test_nothing_is_kept_in_a_run(home: Path) -> None:
 
 
 def test_nothing_is_kept_in_a_copy_of_what_is_published(home: Path) -> None:
-    """Every file of it is listed, and one more would be a difference."""
-    list_sums(home)
-    summarise(runs_in(home))
-    assert not [*home.rglob(DERIVED)]
+    """Every file of it is listed, and one more would be a difference; also if a part is named."""
+    game = Path(shutil.copytree(home / RUNS, home.parent / "study")) / "pursuit-n6"
+    list_sums(game.parent)
+    for place in (game.parent, game):
+        summarise(runs_in(place))
+        assert not [*game.parent.rglob(DERIVED)]
+
+
+def test_a_log_that_is_replaced_while_it_is_read_is_not_kept(
+    home: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What was counted is of the old file, so it must not stand for the new one."""
+
+    def replaced(path: Path, *numbers: str) -> list[dict[str, Any]]:
+        rows = read_log(path, *numbers)
+        path.with_name("new").write_text("".join(json.dumps(row) + "\n" for row in rows[:1]))
+        path.with_name("new").replace(path)
+        return rows
+
+    with monkeypatch.context() as patch:
+        patch.setattr("msgdrop_cli.records.store.read_log", replaced)
+        assert len(records(home)[0].episodes()[NONE_BROKEN]) > 1
+    assert not records(home)[0].has_episodes([NONE_BROKEN], 2)
+
+
+def test_a_fault_that_passes_is_not_kept(home: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A disk that fails once, a log that was closed to us: it is read again."""
+    published = [replace(run, path=run.path) for run in records(home)]
+    monkeypatch.setattr(type(published[0]), "is_own", False)
+
+    def failing(path: Path) -> bytes:
+        raise RecordError("EIO")
+
+    with monkeypatch.context() as patch:
+        patch.setattr("msgdrop_cli.records.counted.log_bytes", failing)
+        assert _rank(published[0], "any")[2] == -1
+    assert _rank(records(home)[0], "any")[2] > 0
 
 
 def test_json_names_the_logs_that_it_was_made_of(home: Path) -> None:

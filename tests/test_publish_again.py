@@ -1,7 +1,10 @@
 """What becomes of the copies that are there when a study is published once more."""
 
+import os
 import shutil
 from pathlib import Path
+
+import pytest
 
 from msgdrop_cli.records.store import list_runs
 from tests.cli_runs import Said, filled_store, msgdrop
@@ -51,3 +54,62 @@ def test_a_copy_that_says_the_same_stays_as_it_is(tmp_path: Path) -> None:
     assert publish(tmp_path).code == 0
     assert (kept / policy).read_bytes() == b"what was trained"
     assert (changed / log).read_bytes() == whole
+
+
+def test_no_poorer_run_takes_the_place_of_what_is_published(tmp_path: Path) -> None:
+    """Neither training that is not evaluated yet, nor a run with fewer episodes."""
+    filled_store(tmp_path)
+    results = tmp_path / "results"
+    own = sorted(results.glob("runs/*/*"))
+    rows = (own[0] / "episodes.jsonl").read_text().splitlines(keepends=True)
+    (own[3] / "episodes.jsonl").unlink()
+    said = publish(tmp_path)
+    assert said.code == 0
+    assert "passed over: 1 run of yours, not evaluated yet" in said.err
+    copies = list_runs(results / "published")
+    assert [run.path.name for run in copies] == [path.name for path in own[:3]]
+    (own[0] / "episodes.jsonl").write_text("".join(rows[:-1]))
+    (own[1] / "episodes.jsonl").unlink()
+    before = {run.run_id: run.episodes() for run in copies}
+    said = publish(tmp_path)
+    assert "passed over: 3 runs of yours" in said.err
+    assert {run.run_id: run.episodes() for run in list_runs(results / "published")} == before
+    assert msgdrop("verify", results / "published").code == 0
+
+
+def test_a_kept_policy_outlives_the_runs_own(tmp_path: Path) -> None:
+    """Also where the copy is made anew, with more episodes of the same training."""
+    filled_store(tmp_path)
+    results = tmp_path / "results"
+    [own] = results.glob("runs/*/dcc-s1-*")
+    assert publish(tmp_path).code == 0
+    weights = (own / "policy.safetensors").read_bytes()
+    assert msgdrop("eval", own, "--episodes", "12", "--workers", "1").code == 0
+    (own / "policy.safetensors").unlink()
+    assert publish(tmp_path).code == 0
+    [copy] = results.glob("published/*/*/dcc-s1-*")
+    assert {len(rows) for rows in list_runs(copy)[0].episodes().values()} >= {12}
+    assert (copy / "policy.safetensors").read_bytes() == weights
+
+
+@pytest.mark.parametrize("kind", ["link", "pipe"])
+def test_a_policy_that_is_no_file_is_refused(tmp_path: Path, kind: str) -> None:
+    """What it leads to is not published, and nobody waits for who writes into it."""
+    filled_store(tmp_path)
+    [own] = (tmp_path / "results").glob("runs/*/dcc-s1-*")
+    policy, secret = own / "policy.safetensors", tmp_path / "secret"
+    secret.write_text("my private key")
+    for again in (False, True):
+        policy.unlink()
+        policy.symlink_to(secret) if kind == "link" else os.mkfifo(policy)
+        said = publish(tmp_path)
+        assert said.code == 2
+        assert str(policy) in said.err
+        assert not any(
+            path.read_bytes() == secret.read_bytes()
+            for path in (tmp_path / "results" / "published").rglob("*.safetensors")
+        )
+        if not again:
+            policy.unlink()
+            policy.write_bytes(b"weights")
+            assert publish(tmp_path).code == 0

@@ -138,6 +138,27 @@ def test_a_question_finds_its_trace_beside_itself(tmp_path: Path) -> None:
     assert asked(file) in load_definition(str(question)).channels
 
 
+def test_a_question_is_published_with_its_trace(tmp_path: Path) -> None:
+    """So that it can be verified there; one that lies elsewhere is refused before anything."""
+    (tmp_path / "links").mkdir()
+    file = written(tmp_path / "links", everything(6, 40), 6, 40)
+    head = 'environments = ["pursuit-n6"]\nchannels = ["none", "trace:links/links.csv"]'
+    text = QUESTION.replace('environments = ["pursuit-n6"]', head)
+    store = filled_store(tmp_path, text)
+    to = tmp_path / "published"
+    publish = ("publish", store.question, "--results", store.results, "--to", to)
+    said = msgdrop(*publish)
+    assert said.code == 0, said.err
+    assert (to / "tiny-quick" / "links" / "links.csv").read_bytes() == file.read_bytes()
+    said = msgdrop("verify", to)
+    assert said.code == 0, said.out
+    store.question.write_text(text.replace("links/links.csv", "../links.csv"))
+    file.rename(tmp_path.parent / "links.csv")
+    said = msgdrop(*publish)
+    assert said.code == 2
+    assert "to be published it has to lie beside or below the question" in said.err
+
+
 @pytest.mark.parametrize(
     ("content", "message"),
     [

@@ -12,6 +12,7 @@ import pytest
 
 from msgdrop_cli.records.own_sums import begin_list
 from msgdrop_cli.records.sums import SUMS, differences, list_sums
+from msgdrop_cli.signals import _looked_through
 from tests.cli_runs import Store, copied_store, filled_store, msgdrop
 from tests.faults.stores import CHANGES, changed_byte
 
@@ -184,6 +185,49 @@ def test_a_part_of_a_study_is_no_study(study: Path) -> None:
     assert f"is a part of {study}" in said.err
     (study / "empty").mkdir()
     assert msgdrop("verify", study.parent.parent / "none").code == 2
+
+
+def test_a_list_of_somebodys_downloads_makes_no_study(study: Path) -> None:
+    """A folder above may have a SHA256SUMS, too."""
+    (study.parents[1] / SUMS).write_text(f"{'0' * 64}  debian.iso\n")
+    assert msgdrop("verify", study.parent).code == 0
+
+
+def test_folders_without_end_are_no_bug(study: Path) -> None:
+    """Nobody's records lie deeper than thirty-two folders."""
+    folders = [study.parent / "d"]
+    while len(folders) < 1_100:
+        folders.append(folders[-1] / "d")
+    try:
+        for each in folders:
+            each.mkdir()
+        codes = [msgdrop(command, study.parent).code for command in ("verify", "plot")]
+    finally:
+        for each in reversed(folders):  # pytest's own way is recursive, too
+            each.rmdir()
+    assert codes == [0, 0]
+
+
+def test_what_a_killed_publish_left_is_not_listed(store: Store, tmp_path: Path) -> None:
+    """A minute later nobody holds it; what cannot be listed is refused before anything changes."""
+    to = tmp_path / "published"
+    publish = ("publish", store.question, "--results", store.results, "--to", to)
+    assert msgdrop(*publish).code == 0
+    before = contents(to)
+    left = to / "tiny-quick" / "pursuit-n6" / ".tmp-abcd1234"
+    left.mkdir()
+    (left / "run.json").write_text("{}")
+    os.utime(left, (1.0, 1.0))
+    _looked_through.clear()  # as a process of another day
+    assert msgdrop(*publish).code == 0
+    assert contents(to) == before
+    (to / "tiny-quick" / os.fsdecode(b"caf\xe9.txt")).write_text("mine")
+    page = to / "tiny-quick" / "TABLES.md"
+    page.write_text("old")
+    said = msgdrop(*publish)
+    assert said.code == 2
+    assert "is no file that can be listed; remove it" in said.err
+    assert page.read_text() == "old"
 
 
 def test_own_runs_are_checked_against_their_records(store: Store, tmp_path: Path) -> None:

@@ -113,7 +113,7 @@ def _learning(record: RunRecord, metric: str) -> Sequence[Any]:
     """Mean and curve, of one reading of the log."""
 
     def make() -> tuple[float | None, Points]:
-        windows = _windows(record, metric)
+        windows = windows_of(record, metric)
         return _learning_mean(windows), _smooth(windows)
 
     found: Sequence[Any] = record.derive(f"learning {metric}", make)
@@ -124,8 +124,11 @@ def _learning_mean(windows: Sequence[Window]) -> float | None:
     return _weighted_mean(windows) if windows else None
 
 
-def _windows(record: RunRecord, metric: str) -> list[Window]:
-    """The windows with a value, in order; a null (nothing happened to be measured) is left out."""
+def windows_of(record: RunRecord, metric: str) -> list[Window]:
+    """The windows with a value, in order; a null (nothing happened to be measured) is left out.
+
+    Raises RecordError for a row that is none, or not later than the one before.
+    """
     windows, start = [], 0
     try:
         for row in record.metrics():

@@ -1,14 +1,17 @@
 """`msgdrop publish`: finished runs of a question as small records, tables and figures to commit."""
 
+import os
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from itertools import chain
 from pathlib import Path
-from typing import Annotated, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import typer
 
 from msgdrop_cli.commands.parts import console, options
+from msgdrop_cli.commands.parts.words import several
+from msgdrop_cli.definition.channel import Channel
 from msgdrop_cli.definition.load import load_definition
 from msgdrop_cli.definition.plan import Plan, plan
 from msgdrop_cli.definition.spec import Definition
@@ -16,9 +19,9 @@ from msgdrop_cli.errors import DefinitionError, RecordError
 from msgdrop_cli.records.copies import same_logs
 from msgdrop_cli.records.counted import copies_of, preferred
 from msgdrop_cli.records.elsewhere import keep_elsewhere, read_elsewhere, runs_beside
-from msgdrop_cli.records.files import write_bytes_atomic
+from msgdrop_cli.records.files import read_bytes, write_bytes_atomic
 from msgdrop_cli.records.store import ENDED, RUN, RunRecord, list_runs
-from msgdrop_cli.records.sums import list_sums, sums_of
+from msgdrop_cli.records.sums import check_listable, list_sums, sums_of
 from msgdrop_cli.report.write import FIGURES, Folder
 
 app = typer.Typer()
@@ -51,6 +54,7 @@ def publish(
     """
     options.check_place(to, "--to")
     definition = load_definition(name)
+    _traces(definition)
     profile = options.chosen_profile(definition, profile)
     chosen = options.chosen_seeds(seed, seeds)
     from msgdrop_cli.commands.parts.find_references import references_of
@@ -68,6 +72,7 @@ def publish(
     references = references_of([*records, *elsewhere], folder.made(), kept_in=folder.made())
     study = study_of(records, definition, asked.profile, references, elsewhere)
     note_left_out(study.summary)
+    check_listable(folder.made())
     copies = copy(records, folder, elsewhere)  # what cannot be summarised is not published
     named = keep_elsewhere(folder.made(), elsewhere)
     written = write_study(study, folder)
@@ -98,10 +103,13 @@ def _runs(asked: Plan, results: Path, study: Path) -> _Runs:
     copies = copies_of(results, {run.run_id for run in asked.runs})
     beside = runs_beside(study, {run.run_id for run in asked.runs})
     here: dict[str, RunRecord] = {}
+    poorer: list[RunRecord] = []
     for run in asked.runs:
-        [*best] = preferred(copies.get(run.run_id, ()))[:1]
-        own = best[0] if best and best[0].is_own and best[0].status in ENDED else None
         published = kept.get(run.run_id) or named.get(run.run_id)
+        found = preferred(copies.get(run.run_id, ()))
+        poorer += (lacking := [each for each in found if _is_poorer(each, published)])
+        best = [each for each in found if each not in lacking]
+        own = best[0] if best and best[0].is_own and best[0].status in ENDED else None
         if published and own:
             _refuse_diverged(own, published)
         if run.run_id in kept:
@@ -111,8 +119,22 @@ def _runs(asked: Plan, results: Path, study: Path) -> _Runs:
             named[run.run_id] = as_planned(lies[0], run)
         elif best and best[0].status == "done":
             here[run.run_id] = as_planned(best[0], run)
+    if poorer:
+        why = "not evaluated yet, or with fewer episodes than its published copy"
+        console.note(f"passed over: {several(len(poorer), 'run')} of yours, {why}")
     here |= {run_id: record for run_id, record in kept.items() if run_id not in here}
     return _Runs([*here.values()], [each for run_id, each in named.items() if run_id not in here])
+
+
+def _is_poorer(record: RunRecord, published: RunRecord | None) -> bool:
+    """Whether it is an own finished run that lacks episodes: all, or some that are published."""
+    if not record.is_own or record.status != "done":
+        return False
+    played, there = record.episodes(), dict[Channel, Sequence[Any]]()
+    with suppress(RecordError):  # of a damaged copy nothing is kept
+        there |= published.episodes() if published else {}
+    fewer = (len(played.get(channel, ())) < len(rows) for channel, rows in there.items())
+    return not played or any(fewer)
 
 
 def _alike(published: RunRecord, own: RunRecord | None) -> bool:
@@ -130,10 +152,30 @@ def _refuse_diverged(own: RunRecord, published: RunRecord) -> None:
 
 
 def _keep_question(definition: Definition, folder: Path) -> None:
-    """Who verifies has the questions that are shipped, and needs any other one."""
+    """Who verifies has the questions that are shipped, and needs any other one, with its traces."""
     if not definition.shipped:
         content = Path(definition.file).read_bytes()
         write_bytes_atomic(folder / f"{definition.name}.toml", content)
+    for place, trace in _traces(definition).items():
+        copy = folder / place
+        copy.parent.mkdir(parents=True, exist_ok=True)
+        write_bytes_atomic(copy, read_bytes(trace))
+
+
+def _traces(definition: Definition) -> dict[str, Path]:
+    """The traces of a question by where they lie from its file; DefinitionError for another place.
+
+    A copy of the question could not name it.
+    """
+    home = Path(definition.file).parent
+    places = {os.path.relpath(trace, home): trace for trace in definition.traces}
+    for place, trace in places.items():
+        if Path(place).parts[0] == os.pardir:
+            raise DefinitionError(
+                f"{definition.file}: names the trace {trace}: to be published it has to lie beside"
+                " or below the question"
+            )
+    return places
 
 
 def _remove_stale(folder: Path, drawn: Sequence[Path]) -> None:

@@ -4,6 +4,7 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
+from pathlib import Path
 from typing import Any, Literal
 
 from msgdrop_cli.definition.channel import NONE_BROKEN, Channel, check_each_once
@@ -259,6 +260,14 @@ class Definition:
     """None: there are estimates, and no verdicts."""
     shipped: bool = False
     """It came with the program, so its claims are the paper's."""
+
+    @property
+    def traces(self) -> set[Path]:
+        """The files of the recorded links that its channels name."""
+        asked = {*self.channels, *(claim.channel for claim in self.claims)}
+        for profile in self.profiles.values():
+            asked |= {*(profile.channels or ())}
+        return {each.file.path for each in asked if each.file and each.file.path}
 
     def games(self, profile: str) -> tuple[str, ...]:
         """The games of one of its profiles, by the names that `--env` takes."""

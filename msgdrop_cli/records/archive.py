@@ -65,15 +65,15 @@ def pack(records: Sequence[RunRecord], folder: Path, name: str) -> list[Path]:
     Returns the archives written. Raises RecordError: not writable (74), or, with the others
     packed, a run that is too large for any archive (2).
     """
-    archives = sorted(folder.glob(f"{name}-[0-9]*.zip"))
+    archives = sorted(folder.glob(f"{name}-[0-9]*.zip"), key=_number)
     held = [contents(archive) for archive in archives]
     runs = {_place(record): record for record in records}
     new = [place for place in runs if not any(place in places for places in held)]
     if not new:
         return []
-    number = len(archives) + 1
+    number = max(map(_number, archives), default=0) + 1
     if held and set(held[-1]) <= set(runs):
-        new, number = [*held[-1], *new], len(archives)
+        new, number = [*held[-1], *new], number - 1
     bins, too_large = _bins([runs[place] for place in new])
     written = []
     for part in bins:
@@ -89,6 +89,12 @@ def pack(records: Sequence[RunRecord], folder: Path, name: str) -> list[Path]:
             )
         )
     return written
+
+
+def _number(archive: Path) -> int:
+    """What stands at the end of its name: others may have been taken away."""
+    digits = archive.stem.rpartition("-")[2]
+    return int(digits) if digits.isdecimal() else 0
 
 
 def write_archive(path: Path, records: Iterable[RunRecord]) -> None:

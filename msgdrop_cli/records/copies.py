@@ -1,11 +1,11 @@
 """Finished runs as small copies that can be committed: numbers of all, one policy a variant."""
 
-import shutil
 from collections.abc import Sequence
+from os.path import lexists
 from pathlib import Path
 
 from msgdrop_cli.errors import RecordError
-from msgdrop_cli.records.files import CANNOT_WRITE, write_json_atomic
+from msgdrop_cli.records.files import CANNOT_WRITE, read_bytes, write_json_atomic
 from msgdrop_cli.records.packed import log_bytes, pack, packed_name
 from msgdrop_cli.records.store import EPISODES, METRICS, POLICY, RUN, RunRecord, list_runs
 from msgdrop_cli.records.temporary import TEMPORARY, put_in_place
@@ -37,7 +37,7 @@ def is_copied(record: RunRecord, target: Path, *, policy: bool) -> bool:
             and copy.run == record.run
             and same_logs(copy, record)
             and {path.name for path in target.iterdir()} <= {*FILES}
-            and (not kept.exists() or (policy and _is_policy_of(record, kept.read_bytes())))
+            and (not lexists(kept) or (policy and _is_policy_of(record, read_bytes(kept))))
         )
     except (RecordError, OSError):
         return False  # who copies the run once more says what is wrong with it
@@ -53,14 +53,23 @@ def same_logs(one: RunRecord, other: RunRecord) -> bool:
 def _is_policy_of(record: RunRecord, content: bytes) -> bool:
     """Whether it is the run's, or the run has lost its own."""
     own = record.path / POLICY
-    return not own.exists() or own.read_bytes() == content
+    return not lexists(own) or read_bytes(own) == content
+
+
+def _policy(record: RunRecord, target: Path) -> bytes | None:
+    """The run's own, or the one that a copy of the same training has kept."""
+    if lexists(record.path / POLICY):
+        return read_bytes(record.path / POLICY)
+    same = log_bytes(record.path / METRICS) == log_bytes(target / METRICS)
+    return read_bytes(target / POLICY) if same and lexists(target / POLICY) else None
 
 
 def copy_run(record: RunRecord, target: Path, *, policy: bool) -> None:
     """Copy a run's numbers, packed, and its policy if that is asked for and there.
 
-    What stands at `target` is replaced as a whole. Raises RecordError, damaged (2) or not writable
-    (74), with nothing half-copied.
+    What stands at `target` is replaced as a whole; a policy that the run has lost and a copy of the
+    same training has kept there stays. No link is followed. Raises RecordError, damaged (2) or not
+    writable (74), with nothing half-copied.
     """
     try:
         with scratch_folder(target.parent, TEMPORARY) as scratch:
@@ -70,8 +79,8 @@ def copy_run(record: RunRecord, target: Path, *, policy: bool) -> None:
             for log in (METRICS, EPISODES):
                 if (content := log_bytes(record.path / log)) is not None:
                     (copy / packed_name(log)).write_bytes(pack(content))
-            if policy and (record.path / POLICY).exists():
-                shutil.copyfile(record.path / POLICY, copy / POLICY)
+            if policy and (content := _policy(record, target)) is not None:
+                (copy / POLICY).write_bytes(content)
             put_in_place(copy, target)
     except OSError as error:
         raise RecordError(f"{target}: cannot be written: {error.strerror}", CANNOT_WRITE) from error

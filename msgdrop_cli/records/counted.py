@@ -64,16 +64,16 @@ def _rank(record: RunRecord, question: str) -> tuple[int, ...]:
     if record.status != "done":
         return (0,)
     has_policy = (record.path / POLICY).is_file()
-    episodes = int(record.derive("rows of episodes", lambda: _rows(record.path / EPISODES)))
+    try:
+        episodes = int(record.derive("rows of episodes", lambda: _rows(record.path / EPISODES)))
+    except RecordError:  # which may pass, so it is not kept
+        episodes = -1
     return 2, record.definition == question, episodes, has_policy
 
 
 def _rows(log: Path) -> int:
-    """How many a log has, packed or not; fewer than none if it is damaged."""
-    try:
-        return (log_bytes(log) or b"").count(b"\n")
-    except RecordError:
-        return -1
+    """How many a log has, packed or not; RecordError if it is damaged."""
+    return (log_bytes(log) or b"").count(b"\n")
 
 
 def _folders(root: Path, run_ids: Container[str]) -> dict[str, list[Path]]:

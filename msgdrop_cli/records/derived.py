@@ -38,15 +38,20 @@ class Derived:
         self._values: dict[str, Any] | None = None
         self._made_of: list[int] | None = None
 
-    def value(self, name: str, make: Callable[[], Any]) -> Any:
-        """The JSON value of this name, kept or made."""
+    def begin(self) -> dict[str, Any]:
+        """The values so far, and which files the logs are from now on: before any is read."""
         if self._values is None:
             self._made_of = self._facts() if self._home else None
             self._values = self._read()
-        if name not in self._values:
-            self._values[name] = make()
+        return self._values
+
+    def value(self, name: str, make: Callable[[], Any]) -> Any:
+        """The JSON value of this name, kept or made."""
+        values = self.begin()
+        if name not in values:
+            values[name] = make()
             self._keep()
-        return self._values[name]
+        return values[name]
 
     def _facts(self) -> list[int] | None:
         """Which files the logs are, and as of when; None if that cannot be relied on."""

@@ -5,7 +5,10 @@ file says `schema` and `run_id`, as Sacred's does not. Damage in ours is an erro
 is passed over, and so are links, which could lead anywhere, and folders that are closed to us.
 """
 
+import os
 import re
+from collections.abc import Container, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import NamedTuple
 
@@ -27,7 +30,7 @@ _NO_FOLDER = (
     " results/published of the repository"
 )
 """Who has installed a wheel has neither."""
-_DEEPEST = 32
+DEEPEST = 32
 """Folders in each other below a results folder; ours are 3."""
 _NAMED = 3
 """Things passed over that are named; the others are counted."""
@@ -85,9 +88,28 @@ def run_folders(root: Path) -> Found:
         if inside.has_record:
             passed_over.append(f"{place / RUN} (not of msgdrop)")
         passed_over += [f"{link.relative_to(root)} (a link)" for link in inside.links]
-        if len(place.parts) < _DEEPEST:
+        if len(place.parts) < DEEPEST:
             folders += inside.folders
     return Found(tuple(sorted(runs)), tuple(sorted(passed_over)))
+
+
+def folders_with(root: Path, names: Container[str]) -> list[Path]:
+    """The folders in or below `root` that hold something of one of these names, sorted.
+
+    No link is followed, and what cannot be read has none.
+    """
+    found, folders = [], [(root, 0)]
+    while folders:
+        folder, depth = folders.pop()
+        entries: Sequence[os.DirEntry[str]] = ()
+        with suppress(OSError):
+            entries = scanned(folder)
+        if any(entry.name in names for entry in entries):
+            found.append(folder)
+        if depth < DEEPEST:
+            inside = (Path(each.path) for each in entries if each.is_dir(follow_symlinks=False))
+            folders += [(each, depth + 1) for each in inside]
+    return sorted(found)
 
 
 def _inside(folder: Path) -> _Inside:

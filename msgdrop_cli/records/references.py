@@ -14,6 +14,7 @@ from msgdrop_cli.definition.run_id import short_hash
 from msgdrop_cli.definition.strict import Where, build, one_line
 from msgdrop_cli.errors import DefinitionError, RecordError
 from msgdrop_cli.records.files import CANNOT_CREATE, read_json, write_json_atomic
+from msgdrop_cli.records.folders import DEEPEST
 from msgdrop_cli.records.listings import scanned
 from msgdrop_cli.records.parsing import LARGEST_NUMBER
 from msgdrop_cli.records.store import RUNS
@@ -76,15 +77,16 @@ def find_references(root: Path, key: str) -> References | None:
     return None
 
 
-def _files(folder: Path, name: str) -> Iterator[Path]:
+def _files(folder: Path, name: str, deepest: int = DEEPEST) -> Iterator[Path]:
     """Files of this name in the folders of references in or below `folder`; runs have none."""
     with suppress(OSError):
         for entry in sorted(scanned(folder), key=lambda each: each.name):
             if entry.name == name and folder.name == REFERENCES:
                 yield folder / name
             hidden = entry.name.startswith(".")
-            if entry.is_dir(follow_symlinks=False) and not hidden and entry.name != RUNS:
-                yield from _files(folder / entry.name, name)
+            goes_on = deepest and not hidden and entry.name != RUNS
+            if goes_on and entry.is_dir(follow_symlinks=False):
+                yield from _files(folder / entry.name, name, deepest - 1)
 
 
 def read_references(table: Any, where: str) -> References:

@@ -142,10 +142,15 @@ class RunRecord:
 
     def episodes(self) -> dict[Channel, list[dict[str, Any]]]:
         """The raw evaluation episodes, channel by channel; RecordError if damaged."""
-        log = self.path / EPISODES
-        found = by_channel(read_log(log, "episode"), log_file(log))
+        if self.derived:
+            self.derived.begin()
+        found = self._read_episodes()
         self.derive(_PLAYED, lambda: _counts(found))  # `has_episodes` need not read them again
         return found
+
+    def _read_episodes(self) -> dict[Channel, list[dict[str, Any]]]:
+        log = self.path / EPISODES
+        return by_channel(read_log(log, "episode"), log_file(log))
 
     def derive(self, name: str, make: Callable[[], Any]) -> Any:
         """A JSON value that `make` computes of the logs, or computed once if it is kept.
@@ -156,7 +161,7 @@ class RunRecord:
 
     def has_episodes(self, channels: Iterable[Channel], count: int) -> bool:
         """Whether it has at least `count` episodes of each channel; RecordError if damaged."""
-        played = dict(self.derive(_PLAYED, lambda: _counts(self.episodes())))
+        played = dict(self.derive(_PLAYED, lambda: _counts(self._read_episodes())))
         wanted = (played.get(name, 0) for each in channels for name in each.entry.values())
         return all(episodes >= count for episodes in wanted)
 

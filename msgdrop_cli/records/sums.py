@@ -8,7 +8,7 @@ import hashlib
 import os
 import re
 import sys
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import NamedTuple
 
@@ -18,8 +18,9 @@ from msgdrop_cli.records.files import opened, read_bytes, write_bytes_atomic
 
 SUMS = "SHA256SUMS"
 """The file in a published folder."""
-_LINE = re.compile(r"([0-9a-f]{64})  ([^\\\r\n]+)")
-"""Other names would have to be escaped; none of ours is like that."""
+_LINE = re.compile(r"([0-9a-f]{64})  ([^\\\r\n\ud800-\udfff]+)")
+"""Other names would have to be escaped, or are in no UTF-8; none of ours is like that."""
+_ANY_DIGEST = "0" * 64
 _DIGEST = re.compile(r"\b([0-9a-f]{12})[0-9a-f]{52}\b")
 
 
@@ -44,13 +45,22 @@ def list_sums(folder: Path) -> Path:
     Raises RecordError: what cannot be listed (2) or written (74).
     """
     found = _files(folder)
-    for name, its_digest in found.items():
-        if not _LINE.fullmatch(f"{its_digest}  {name}"):
-            raise RecordError(
-                one_line(f"{folder / name}: is no file that can be listed; remove it")
-            )
+    _check(folder, found)
     write_bytes_atomic(folder / SUMS, list_text(found.items()))
     return folder / SUMS
+
+
+def check_listable(folder: Path) -> None:
+    """RecordError (2) if something lies in a folder that `list_sums` would refuse."""
+    is_file = {name: path.is_file() and not path.is_symlink() for name, path in _entries(folder)}
+    _check(folder, {name: _ANY_DIGEST if there else "" for name, there in is_file.items()})
+
+
+def _check(folder: Path, found: Mapping[str, str]) -> None:
+    for name, its_digest in found.items():
+        if not _LINE.fullmatch(f"{its_digest}  {name}"):
+            problem = "is no file that can be listed; remove it"
+            raise RecordError(one_line(f"{folder / name}: {problem}"))
 
 
 def sums_of(folder: Path) -> dict[str, str]:
@@ -109,11 +119,14 @@ def differences(folder: Path) -> Iterator[Difference]:
 
 def _files(folder: Path) -> dict[str, str]:
     """The digest of everything in a folder but its list, by place; empty for what is no file."""
-    found = {}
+    return {name: digest(path) for name, path in _entries(folder)}
+
+
+def _entries(folder: Path) -> Iterator[tuple[str, Path]]:
+    """Everything in a folder but its list, with its place there."""
     for place, folders, names in os.walk(folder):
         here = Path(place)
         links = [name for name in folders if (here / name).is_symlink()]  # not walked into
         for path in (here / name for name in (*names, *links)):
             if path != folder / SUMS:
-                found[path.relative_to(folder).as_posix()] = digest(path)
-    return found
+                yield path.relative_to(folder).as_posix(), path

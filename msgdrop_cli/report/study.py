@@ -16,6 +16,7 @@ from msgdrop_cli.definition.spec import Claim, Definition
 from msgdrop_cli.records.copies import copy_run, is_copied, with_policy
 from msgdrop_cli.records.references import References
 from msgdrop_cli.records.store import RunRecord
+from msgdrop_cli.records.temporary import TEMPORARY
 from msgdrop_cli.report.figures import draw_all
 from msgdrop_cli.report.table import (
     Table,
@@ -25,6 +26,7 @@ from msgdrop_cli.report.table import (
     to_markdown,
 )
 from msgdrop_cli.report.write import FIGURES, TABLES, Folder, write_atomic
+from msgdrop_cli.signals import scratch_folder
 
 
 class Study(NamedTuple):
@@ -85,6 +87,9 @@ def publish(
     half-copied.
     """
     policies = with_policy([*records, *elsewhere])
+    for game in {record.environment for record in records}:
+        with scratch_folder(folder.at(game).made(), TEMPORARY):
+            pass  # what a killed process has left there is gone, and will not be listed
     copies = []
     for record in records:
         target = folder.at(record.environment).made() / record.path.name

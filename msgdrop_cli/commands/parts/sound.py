@@ -32,7 +32,7 @@ def check_windows(record: RunRecord) -> None:
 
     One log that cannot be read would cost those of all runs.
     """
-    from msgdrop_cli.analysis.curves import learning_mean
+    from msgdrop_cli.analysis.curves import windows_of
     from msgdrop_cli.analysis.metrics import UNKNOWN, metrics_of
 
     metrics = metrics_of(record)
@@ -44,7 +44,7 @@ def check_windows(record: RunRecord) -> None:
         file = log_file(record.path / METRICS)
         raise RecordError(f"{file}: does not end with env_steps {record.env_steps}")
     for metric in metrics.all:
-        learning_mean(record, metric.name)
+        windows_of(record, metric.name)
 
 
 def check_episodes(record: RunRecord) -> None:

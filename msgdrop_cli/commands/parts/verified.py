@@ -22,7 +22,7 @@ from msgdrop_cli.errors import DefinitionError, MsgdropError, RecordError
 from msgdrop_cli.records.copies import FILES
 from msgdrop_cli.records.counted import PUBLISHED
 from msgdrop_cli.records.elsewhere import ELSEWHERE, read_elsewhere
-from msgdrop_cli.records.folders import run_folders
+from msgdrop_cli.records.folders import folders_with, run_folders
 from msgdrop_cli.records.own_sums import RUN_SUMS, run_differences
 from msgdrop_cli.records.packed import log_file
 from msgdrop_cli.records.references import REFERENCES, find_references, game_key
@@ -52,12 +52,12 @@ def verified(root: Path, scratch: Path) -> Iterator[Verified]:
     folder. Raises RecordError if there is nothing to look at, or `root` is a part of a study.
     """
     for whole in root.resolve().parents:
-        if lexists(whole / SUMS):
+        if lexists(whole / SUMS) and lexists(whole / TABLES):  # not any list of downloads
             raise RecordError(
                 f"{root}: is a part of {whole}, which can only be verified as a whole"
             )
     found = run_folders(root)
-    studies = sorted({path.parent for name in (SUMS, TABLES) for path in root.rglob(name)})
+    studies = folders_with(root, (SUMS, TABLES))
     if not studies and not found.runs:
         raise RecordError(f"{root}: holds nothing of msgdrop that could be verified")
     for number, folder in enumerate(studies):
@@ -177,7 +177,10 @@ def _left_out(folder: Path, made: dict[str, Path]) -> list[str]:
 def _strangers(folder: Path, records: Sequence[RunRecord], made: set[str]) -> list[Difference]:
     """Listed files that are neither records nor made of them."""
     ours = {record.path / name for record in records for name in FILES}
-    ours |= {folder / f"{record.definition}.toml" for record in records}
+    names = {record.definition for record in records}
+    ours |= {folder / f"{name}.toml" for name in names}
+    for name in names:
+        ours |= question.traces if (question := _question(folder, name)) else set()
     games = {game_key(record.setup.environment) for record in records if record.setup}
     ours |= {folder / REFERENCES / f"{key}.json" for key in games}
     return [
