@@ -48,9 +48,10 @@ def publish(
     """Copy a question's finished runs to be committed.
 
     The numbers of every run go along, the policy of each variant's lowest seed; a copy that says
-    the same stays, even if its policy was taken out. Runs that another study in the same folder has
-    are named (elsewhere.json), not copied. Tables and figures are of all runs that are published
-    then, those of before included; SHA256SUMS lists every file.
+    the same stays, even if its policy was taken out, and no run of yours with fewer episodes takes
+    its place. Runs that another study in the same folder has are named (elsewhere.json), not
+    copied. Tables and figures are of all runs that are published then, those of before included;
+    SHA256SUMS lists every file.
     """
     options.check_place(to, "--to")
     definition = load_definition(name)
