@@ -91,16 +91,11 @@ def machine(device: str) -> Row:
     return row
 
 
-def cuda_tests(device: str, seconds: float) -> Row:
-    """What pytest says about tests/test_cuda.py, in a process of its own.
-
-    On the CPU it only collects them: whoever has no GPU runs them with all others.
-    """
+def cuda_tests(seconds: float) -> Row:
+    """What pytest says about tests/test_cuda.py, in a process of its own."""
     if find_spec("pytest") is None:
         return {"left_out": "pytest is not installed here"}
     options = ["-q", "-rfE", "-W", "default", "-p", "no:cacheprovider", "--tb=short"]
-    if device == "cpu":
-        options.append("--collect-only")
     command = [sys.executable, "-m", "pytest", "tests/test_cuda.py", *options]
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(PATHS)}
     try:
@@ -186,7 +181,7 @@ def measure_all(report: Report, device: str) -> None:
     for cohort in cohorts[:2]:
         report.add(cohort.name, lambda c=cohort: throughput(c, device, graphs))  # type: ignore[misc]
     report.add("where a step goes", lambda: kernels(COHORTS[0], device))
-    report.add("CUDA tests", lambda: cuda_tests(device, min(TESTS_S, report.left_s / 2)))
+    report.add("CUDA tests", lambda: cuda_tests(min(TESTS_S, report.left_s / 2)))
     for cohort in cohorts[2:]:
         report.add(cohort.name, lambda c=cohort: throughput(c, device, graphs))  # type: ignore[misc]
     if graphs:

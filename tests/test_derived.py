@@ -242,7 +242,14 @@ def test_nothing_is_kept_in_a_run(home: Path) -> None:
 
 
 def test_nothing_is_kept_in_a_copy_of_what_is_published(home: Path) -> None:
-    """Every file of it is listed, and one more would be a difference; also if a part is named."""
+    """Every file of it is listed, and one more would be a difference."""
+    list_sums(home)
+    summarise(runs_in(home))
+    assert not [*home.rglob(DERIVED)]
+
+
+def test_nothing_is_kept_in_a_part_of_such_a_copy(home: Path) -> None:
+    """Its list lies a folder above what was named."""
     game = Path(shutil.copytree(home / RUNS, home.parent / "study")) / "pursuit-n6"
     list_sums(game.parent)
     for place in (game.parent, game):

@@ -195,7 +195,7 @@ def test_enough_episodes_are_not_played_again(tmp_path: Path) -> None:
     assert len(record.episodes()[Channel.read(0.5)]) == 8
 
 
-@pytest.mark.parametrize("text", ["none", "half", "noise:0.5", "worst:1"])
+@pytest.mark.parametrize("text", ["none", "half", "noise:0.5", "worst:3"])
 def test_more_episodes_leave_the_blocks_before_as_they_are(
     tmp_path: Path, trained: dict[str, Path], monkeypatch: pytest.MonkeyPatch, text: str
 ) -> None:

@@ -41,7 +41,7 @@ class Both(NamedTuple):
 def both(request: pytest.FixtureRequest) -> Both:
     """Every case, for as many steps as make many repetitions and wrap the memory round."""
     runs, tapes = small_runs(**CASES[request.param]), Tapes()
-    env_steps = 100 + 25 * 7 * runs[0].spec.training.games
+    env_steps = 100 + 40 * 7 * runs[0].spec.training.games
     with pytest.MonkeyPatch.context() as patch:
         without_c(patch)
         steps = stepped(runs, env_steps)
@@ -54,7 +54,7 @@ def test_chunks_are_the_steps(both: Both) -> None:
     there = everything(both.steps)
     found = everything(both.chunks).items()
     assert [name for name, tensor in found if not torch.equal(tensor, there[name])] == []
-    assert both.tapes.repeated > 7
+    assert both.tapes.repeated > 10
     assert both.chunks.replay.added > both.chunks.replay.slots
 
 

@@ -55,7 +55,7 @@ def publish(
     """
     options.check_place(to, "--to")
     definition = load_definition(name)
-    _traces(definition)
+    traces = _traces(definition)
     profile = options.chosen_profile(definition, profile)
     chosen = options.chosen_seeds(seed, seeds)
     from msgdrop_cli.commands.parts.find_references import references_of
@@ -77,7 +77,7 @@ def publish(
     copies = copy(records, folder, elsewhere)  # what cannot be summarised is not published
     named = keep_elsewhere(folder.made(), elsewhere)
     written = write_study(study, folder)
-    _keep_question(definition, folder.made())
+    _keep_question(definition, traces, folder.made())
     _remove_stale(folder.made(), written.figures)
     made = {"runs": copies, "elsewhere": named, "tables": [written.page]}
     made |= {"figures": written.figures}
@@ -108,7 +108,8 @@ def _runs(asked: Plan, results: Path, study: Path) -> _Runs:
     for run in asked.runs:
         published = kept.get(run.run_id) or named.get(run.run_id)
         found = preferred(copies.get(run.run_id, ()))
-        poorer += (lacking := [each for each in found if _is_poorer(each, published)])
+        lacking = [each for each in found if _is_poorer(each, published)]
+        poorer += lacking
         best = [each for each in found if each not in lacking]
         own = best[0] if best and best[0].is_own and best[0].status in ENDED else None
         if published and own:
@@ -152,12 +153,12 @@ def _refuse_diverged(own: RunRecord, published: RunRecord) -> None:
         raise RecordError(f"{own.path}: {own.status}, and {published.path}: {problem}")
 
 
-def _keep_question(definition: Definition, folder: Path) -> None:
+def _keep_question(definition: Definition, traces: Mapping[str, Path], folder: Path) -> None:
     """Who verifies has the questions that are shipped, and needs any other one, with its traces."""
     if not definition.shipped:
         content = Path(definition.file).read_bytes()
         write_bytes_atomic(folder / f"{definition.name}.toml", content)
-    for place, trace in _traces(definition).items():
+    for place, trace in traces.items():
         copy = folder / place
         copy.parent.mkdir(parents=True, exist_ok=True)
         write_bytes_atomic(copy, read_bytes(trace))

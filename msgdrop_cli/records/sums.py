@@ -8,7 +8,7 @@ import hashlib
 import os
 import re
 import sys
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import NamedTuple
 
@@ -18,9 +18,9 @@ from msgdrop_cli.records.files import opened, read_bytes, write_bytes_atomic
 
 SUMS = "SHA256SUMS"
 """The file in a published folder."""
-_LINE = re.compile(r"([0-9a-f]{64})  ([^\\\r\n\ud800-\udfff]+)")
+_NAME = r"[^\\\r\n\ud800-\udfff]+"
 """Other names would have to be escaped, or are in no UTF-8; none of ours is like that."""
-_ANY_DIGEST = "0" * 64
+_LINE = re.compile(rf"([0-9a-f]{{64}})  ({_NAME})")
 _DIGEST = re.compile(r"\b([0-9a-f]{12})[0-9a-f]{52}\b")
 
 
@@ -44,23 +44,16 @@ def list_sums(folder: Path) -> Path:
 
     Raises RecordError: what cannot be listed (2) or written (74).
     """
-    found = _files(folder)
-    _check(folder, found)
-    write_bytes_atomic(folder / SUMS, list_text(found.items()))
+    check_listable(folder)
+    write_bytes_atomic(folder / SUMS, list_text(_files(folder).items()))
     return folder / SUMS
 
 
 def check_listable(folder: Path) -> None:
     """RecordError (2) if something lies in a folder that `list_sums` would refuse."""
-    is_file = {name: path.is_file() and not path.is_symlink() for name, path in _entries(folder)}
-    _check(folder, {name: _ANY_DIGEST if there else "" for name, there in is_file.items()})
-
-
-def _check(folder: Path, found: Mapping[str, str]) -> None:
-    for name, its_digest in found.items():
-        if not _LINE.fullmatch(f"{its_digest}  {name}"):
-            problem = "is no file that can be listed; remove it"
-            raise RecordError(one_line(f"{folder / name}: {problem}"))
+    for name, path in _entries(folder):
+        if path.is_symlink() or not path.is_file() or not re.fullmatch(_NAME, name):
+            raise RecordError(one_line(f"{path}: is no file that can be listed; remove it"))
 
 
 def sums_of(folder: Path) -> dict[str, str]:

@@ -35,7 +35,7 @@ class Row:
     trials: int
     """In full; FAULTS=0.1 makes a tenth of them."""
     share: int
-    """How many of them the test suite makes: none where it has a test that does the same."""
+    """How many of them the test suite makes."""
     trial: Callable[[Trial], float | None]
     """Raises Broken; returns what took how long (s), where the promise names a time."""
     each: int = 1

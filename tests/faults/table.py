@@ -57,7 +57,7 @@ ROWS = (
         name="ctrl-c",
         promise="words within 100 ms, a checkpoint within 10 s, 130, the way to go on",
         trials=50,
-        share=0,
+        share=1,
         trial=stops.ctrl_c,
     ),
     Row(
@@ -71,7 +71,7 @@ ROWS = (
         name="sigterm",
         promise="as Ctrl-C, with 143",
         trials=50,
-        share=0,
+        share=1,
         trial=stops.terminate,
     ),
     Row(
@@ -187,7 +187,7 @@ ROWS = (
         name="verify",
         promise="one change of one file of a published study: found, and the file named",
         trials=1_000,
-        share=0,
+        share=2,
         trial=stores.change_a_store,
     ),
 )

@@ -16,6 +16,9 @@ from typing import Any, NamedTuple
 _SOURCE = re.compile(r" ?\((?:paper|ours|figure|not in|l\.|MADRL|MPE|OpenAI|PAPER)[^()]*\)")
 """Where a value comes from: for readers of the source, not for who wants to change it."""
 
+_tree = lru_cache(maxsize=256)(ast.parse)
+"""Of one text: a command asks several times what stands in the games' files."""
+
 
 class Setting(NamedTuple):
     """A field of a dataclass."""
@@ -72,10 +75,6 @@ def module(package: str, name: str) -> Module:
         return Module(name, _tree(text))
     except (SyntaxError, ValueError):
         return Module(name, ast.Module([], []))
-
-
-_tree = lru_cache(maxsize=256)(ast.parse)
-"""Of one text: a command asks several times what stands in the games' files."""
 
 
 def texts(package: str, pattern: str) -> dict[Path, str]:

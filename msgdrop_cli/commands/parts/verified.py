@@ -177,10 +177,9 @@ def _left_out(folder: Path, made: dict[str, Path]) -> list[str]:
 def _strangers(folder: Path, records: Sequence[RunRecord], made: set[str]) -> list[Difference]:
     """Listed files that are neither records nor made of them."""
     ours = {record.path / name for record in records for name in FILES}
-    names = {record.definition for record in records}
-    ours |= {folder / f"{name}.toml" for name in names}
-    for name in names:
-        ours |= question.traces if (question := _question(folder, name)) else set()
+    [name] = {record.definition for record in records}
+    question = _question(folder, name)
+    ours |= {folder / f"{name}.toml", *(question.traces if question else ())}
     games = {game_key(record.setup.environment) for record in records if record.setup}
     ours |= {folder / REFERENCES / f"{key}.json" for key in games}
     return [
