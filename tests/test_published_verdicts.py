@@ -99,6 +99,10 @@ def test_navigation_in_training_and_after() -> None:
     assert (other.environment, other.better, other.worse) == ("navigation-n10", "md-0.5", "dcc")
     after = verdicts("navigation-million-nearest", "evaluation")
     assert [each.verdict for each in after] == ["undecided"] * 8
+    looks = Counter((v.claim.environment, v.evidence.seeds) for v in after if v.evidence)
+    assert looks == {("navigation-n8", 14): 4, ("navigation-n10", 10): 4}
+    in_training = {each.evidence.seeds for each in learning if each.evidence}
+    assert in_training == {10}, "what the second look decided is not asked again"
 
 
 def test_with_hubers_loss_neither_rate_beats_dcc() -> None:
@@ -112,6 +116,18 @@ def test_with_hubers_loss_neither_rate_beats_dcc() -> None:
         ("md-0.5", "fdc"): "supported",
     }
     assert {1024 * each.evidence.p for each in found if each.evidence} == {2}
+
+
+def test_with_a_faster_target_network_a_fifth_is_level_with_dcc() -> None:
+    """Figure 3 d at the second look: p of 0.5 against DCC is 12 of 1,024, and 10 may be spent."""
+    found = verdicts("figure-3d-million-nearest-target-250", "learning")
+    evidence = {(v.claim.better, v.claim.worse): (v.verdict, v.evidence) for v in found}
+    assert {pair: (word, 1024 * e.p_family) for pair, (word, e) in evidence.items() if e} == {
+        ("md-0.2", "dcc"): ("level", 700),
+        ("md-0.2", "fdc"): ("supported", 2),
+        ("md-0.5", "dcc"): ("undecided", 12),
+        ("md-0.5", "fdc"): ("supported", 2),
+    }
 
 
 def test_waterworld_decides_that_concatenating_fails_and_no_order() -> None:
@@ -129,7 +145,8 @@ def test_who_was_planned_under_a_registration() -> None:
     registered = Counter(record.registration for record in list_runs(PUBLISHED))
     assert {name: registered[name] for name in registered if name} == {
         "waterworld:add430c6": 62,
-        "figure-3d:6aca268a": 40,
+        "figure-3d:6aca268a": 80,
+        "navigation:0a72786f": 16,
     }
     for verdict in verdicts("broken-links-two-million", "evaluation", SIX):
         assert "20 of the runs were planned before broken-links:" in verdict.reason

@@ -13,6 +13,7 @@ from benchmarks.readme import (
     own,
     pursuit,
     rates,
+    readings,
     waterworld,
 )
 from msgdrop_cli.records.files import write_bytes_atomic
@@ -24,7 +25,18 @@ PAGES = (
 )
 BLOCKS: dict[str, Callable[[], str]] = {
     name: block
-    for said in (pursuit, eight, rates, own, network, judged, navigation, waterworld, helps)
+    for said in (
+        pursuit,
+        eight,
+        rates,
+        own,
+        network,
+        judged,
+        navigation,
+        readings,
+        waterworld,
+        helps,
+    )
     for name, block in said.BLOCKS.items()
 }
 """What writes each block, by the name in its marker."""

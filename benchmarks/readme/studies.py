@@ -12,7 +12,7 @@ from msgdrop_cli.analysis.curves import learning_mean
 from msgdrop_cli.analysis.intervals import mean_interval
 from msgdrop_cli.analysis.statistics import Interval, mean
 from msgdrop_cli.analysis.summary import Arm, Row, Summary, summarise
-from msgdrop_cli.analysis.verdict import Verdict
+from msgdrop_cli.analysis.verdict import Evidence, Verdict
 from msgdrop_cli.definition.channel import NONE_BROKEN, Channel
 from msgdrop_cli.definition.judged import judged_at
 from msgdrop_cli.definition.load import load_definition
@@ -38,6 +38,12 @@ class Estimate(NamedTuple):
 
     mean: float
     interval: Interval | None
+
+    @property
+    def negated(self) -> "Estimate":
+        """How much worse, of a difference below 0."""
+        low, high = self.interval or (self.mean, self.mean)
+        return Estimate(-self.mean, self.interval and Interval(-high, -low))
 
     def text(self, decimals: int | None = None) -> str:
         """`15.1 [13.8, 16.4]`; None: no decimals from 100 on, one below."""
@@ -169,6 +175,13 @@ def difference(verdict: Verdict) -> Estimate:
     if verdict.difference is None:
         raise ValueError(f"{verdict.claim.better} was not compared with {verdict.claim.worse}")
     return Estimate(verdict.difference, verdict.interval)
+
+
+def evidence(verdict: Verdict) -> Evidence:
+    """What the look was that decided it, or that did not yet."""
+    if verdict.evidence is None:
+        raise ValueError(f"nobody looked at {verdict.claim.better} against {verdict.claim.worse}")
+    return verdict.evidence
 
 
 def expect(is_so: bool, sentence: str) -> None:
