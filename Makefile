@@ -1,6 +1,6 @@
 # Everything runs in .venv, and what lasts stays in this folder: compiled code and the list of fonts
 # go to .cache. Only pip keeps its downloads where it always does, for the next clone.
-#   make demo    install, the page of the published records, then training for about three minutes
+#   make demo    install, the page of the published records, then training for 3 to 10 minutes
 #   make test    install with the test extras, run the whole suite
 #   make lint    ruff and mypy
 #   make docs    the site and the man pages, in build/; a warning is an error
