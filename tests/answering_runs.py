@@ -42,13 +42,16 @@ def write_answers(
             "overrides": list(run.overrides),
             "spec": spec_to_dict(run.spec),
         }
+        training = run.spec.training
+        rows = training.train_env_steps // training.log_every_env_steps
         record = write_run(
             root,
             run.variant,
             run.spec.seed,
+            curve=[1.0 + 4 * row // rows for row in range(rows)],
             catches=dict.fromkeys((0.0, 0.5, 1.0), count),
             profile=asked.profile,
-            train_env_steps=run.spec.training.train_env_steps,
+            train_env_steps=training.train_env_steps,
             **{**named, **changes},  # type: ignore[arg-type]
         )
         written.append(record.path)

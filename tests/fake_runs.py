@@ -33,7 +33,8 @@ def write_run(
     """
     settings = {"learner": "dcc", "network": "fgh", "dropout": "message", "drops_own": False}
     algorithm = {**settings, "rate": 0.0, **(algorithm or {})}
-    training = {"train_env_steps": train_env_steps, "games": 8}
+    window = train_env_steps // max(1, len(curve))
+    training = {"train_env_steps": train_env_steps, "games": 8, "log_every_env_steps": window}
     run = {
         "schema": 1,
         "run_id": _run_id(variant, seed, profile, train_env_steps, algorithm),
@@ -59,7 +60,7 @@ def write_run(
     path = root / "runs" / str(run["environment"]) / f"{variant}-s{seed}-{run['run_id']}"
     path.mkdir(parents=True)
     (path / "run.json").write_text(json.dumps(run))
-    _write_rows(path / "metrics.jsonl", _windows(curve, train_env_steps))
+    _write_rows(path / "metrics.jsonl", _windows(curve, window, train_env_steps))
     _write_rows(path / "episodes.jsonl", _episodes(catches or {}))
     return list_runs(path)[0]
 
@@ -72,11 +73,13 @@ def write_arm(root: Path, variant: str, catches: Sequence[int], **settings: Any)
     ]
 
 
-def _windows(curve: Sequence[float | None], train_env_steps: int) -> list[dict[str, Any]]:
-    window = train_env_steps // max(1, len(curve))
+def _windows(
+    curve: Sequence[float | None], window: int, train_env_steps: int
+) -> list[dict[str, Any]]:
+    ends = [*(window * rank for rank in range(1, len(curve))), train_env_steps]
     return [
-        {"env_steps": window * rank, "catches_per_500": value}
-        for rank, value in enumerate(curve, start=1)
+        {"env_steps": end, "catches_per_500": value}
+        for end, value in zip(ends, curve, strict=False)
     ]
 
 

@@ -21,6 +21,15 @@ def test_a_footer_says_what_was_overridden(tmp_path: Path) -> None:
     assert "overridden" not in footer(plain, GROUP, plain.arms, "")
 
 
+def test_a_footer_says_which_runs_it_is_of(tmp_path: Path) -> None:
+    """A tree that differed from its commit, and as many seeds that are not the same ones."""
+    runs = [write_run(tmp_path, "dcc", 1, commit="0123456789ab+"), write_run(tmp_path, "fdc", 2)]
+    summary = summarise(runs)
+    first, _ = footer(summary, GROUP, summary.arms, "").split("\n")
+    assert "1 seeds a variant, not the same" in first
+    assert "commits 0123456, 0123456+" in first
+
+
 def test_a_caption_says_what_the_band_is() -> None:
     """An interval from six seeds on, lowest to highest below, nothing for one; all if all occur."""
     assert spread_note({6, 20}, "line", "band") == (

@@ -38,6 +38,7 @@ def test_a_key_is_read_as_what_it_was_printed_from(text: str) -> None:
     "value",
     ["", ":", "1.5", "-0.1", "links", "links:2", "links:0.1,0.2", "loss:", "loss:x", "loss:inf",
      "Loss:1", "a b", "half:1,", "loss:1+hold:0",
+     "loss:1+hold:03", "loss:1+hold:\u0663", "loss:0.\u0663",
      "loss:1+hold:2+mean", "loss:1+scale:two", "half+x",
      "half+epsilon:2", "half+epsilon", "half+epsilon:0.1+epsilon:0.1", True, None,
      [0.5], {"links": 0.5}, 10**400, float("nan")],
@@ -85,6 +86,7 @@ def test_broken_links_come_first() -> None:
     [
         ("los:0.2", "no channel is called 'los'; did you mean 'loss'?"),
         ("constant:3", "constant:3: constant takes no settings"),
+        ("half:0.5", "half:0.5: half takes no settings"),
         ("haf", "no channel is called 'haf'; did you mean 'half'?"),
         ("loss", "loss: expected loss:RATE (loss:0.5)"),
         ("loss:1,2", "loss:1,2: expected loss:RATE (loss:0.5)"),
@@ -96,3 +98,9 @@ def test_a_channel_that_there_is_not_is_named(text: str, message: str) -> None:
     with pytest.raises(ValueError, match=re.escape(message)) as caught:
         build_channel(Channel.read(text), KINDS)
     assert str(caught.value) == message
+
+
+def test_a_blank_beside_a_number_changes_nothing() -> None:
+    """It was read as a per cent: `loss: 0.2` lost two messages of a thousand."""
+    assert Channel.read("loss: 0.2") == Channel.read("loss:0.2")
+    assert Channel.read("bursts:0.2, 4") == Channel.read("bursts:0.2,4")

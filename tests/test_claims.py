@@ -82,6 +82,16 @@ def test_a_claim_that_cannot_be_judged_holds_up_no_other(tmp_path: Path) -> None
     assert found[1].reason == "all runs of md-0.5 and fdc broke down"
 
 
+def test_who_overrides_one_arm_has_no_verdict_on_the_others(tmp_path: Path) -> None:
+    """Else its claims, taken out of the family, would make every other p smaller."""
+    other = replace(CLAIM, better="md-0.5", worse="fdc")
+    records = [*arms(tmp_path, HIGH, LOW), *write_arm(tmp_path, "fdc", LOW)]
+    records += write_arm(tmp_path, "md-0.5", HIGH, overrides=["variants.md-0.5.algorithm.rate=0.6"])
+    [first, second] = judge_claims([CLAIM, other], summarise(records), asking(CLAIM, other))
+    assert (first.verdict, second.verdict) == ("undecided", "undecided")
+    assert first.reason.startswith("1 of the 2 claims of its family")
+
+
 def test_the_look_of_its_own_is_told_where_the_sign_is_from(tmp_path: Path) -> None:
     """A set with another claim crossed later, when the mean of the first had turned."""
     rule = Registration(looks=(6, 10), alpha_spent=(0.04, 0.1))

@@ -41,6 +41,8 @@ BAD_INPUT = [
     (["eval", "--episodes", "1.5"], "--episodes: expected a whole number such as 1000"),
     (["train", "--rate", "3"], "--rate: expected a share from 0 to 1"),
     (["train", "--rate", "30%", "--set", "algorithm.rate=0.3"], "give one of both"),
+    (["train", "--rate", "0.3", "--set", "variants.dcc-md.algorithm.rate=0.5"], "give one of both"),
+    (["train", "--steps", "3000", "--set", "training . train_env_steps=9"], "give one of both"),
     (["train", "--algorithm", "dcc", "--rate", "0.3"], "dcc means rate 0; these take one: dcc-md"),
     (["train", "--steps", "0"], "--steps: expected at least 1"),
     (["train", "--steps", "1e5", "--set", "training.train_env_steps=9"], "give one of both"),

@@ -256,7 +256,10 @@ def test_tab_loads_nothing_heavy() -> None:
     assert loaded & HEAVY == set()
 
 
-@pytest.mark.parametrize(("text", "value"), [("30%", 0.3), ("0.3", 0.3), ("7 %", 0.07), ("0%", 0)])
+@pytest.mark.parametrize(
+    ("text", "value"),
+    [("30%", 0.3), ("0.3", 0.3), ("7 %", 0.07), ("0%", 0), (" 0.3", 0.3), ("0.3 ", 0.3)],
+)
 def test_shares_as_people_write_them(text: str, value: float) -> None:
     """Per cent are hundredths, exactly: 30% and 0.3 are one number."""
     assert Channel.read(text) == Channel.read(value)

@@ -20,7 +20,7 @@ from msgdrop_cli.engine.offers import catalogue
 from msgdrop_cli.records.files import run_lock
 from msgdrop_cli.records.planned import plan_run
 from msgdrop_cli.records.store import RunRecord, list_runs, run_path
-from tests.cli_runs import ROOT, msgdrop
+from tests.cli_runs import QUESTION, ROOT, msgdrop
 from tests.runs import foreign_run
 
 PUBLISHED = ROOT / "results" / "published"
@@ -199,6 +199,18 @@ def test_readings_are_asked_for_again() -> None:
     assert (
         "--profile quick --reading capture-once --set algorithm.gamma=0.5 --seed 1" in found.command
     )
+
+
+def test_readings_of_an_own_question_are_asked_for_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As long as its file is there, which knows what its profiles are called."""
+    monkeypatch.chdir(tmp_path)
+    Path("mine.toml").write_text(QUESTION)
+    run = published(status="planned", definition="mine", profile="quick-huber")
+    assert "ablate mine.toml --profile quick --reading huber --seed 1" in only(run).command
+    Path("mine.toml").write_text("none")
+    assert "ablate mine.toml --profile quick-huber" in only(run).command
 
 
 @pytest.mark.parametrize(

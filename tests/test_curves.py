@@ -56,15 +56,31 @@ def test_curve_keeps_the_steps_that_all_seeds_have(tmp_path: Path) -> None:
 
 
 def test_no_log_no_curve(tmp_path: Path) -> None:
-    """A run without windows has neither curve nor mean of one."""
-    record = write_run(tmp_path, "dcc", 1, curve=[])
+    """A run that has none yet has neither curve nor mean of one; a finished one has lost it."""
+    record = write_run(tmp_path, "dcc", 1, curve=[], status="interrupted")
     assert learning_curve([record], HEADLINE) is None
     assert learning_mean(record, HEADLINE) is None
+    with pytest.raises(RecordError, match=r"metrics\.jsonl: does not end with env_steps 1000"):
+        learning_curve([write_run(tmp_path, "fdc", 1, curve=[])], HEADLINE)
+
+
+@pytest.mark.parametrize(
+    "lost", [slice(1), slice(1, 2), slice(3, None)], ids=["first", "one", "last"]
+)
+def test_a_log_that_has_lost_rows_is_refused(tmp_path: Path, lost: slice) -> None:
+    """Of a finished run, wherever they were: the mean of what is left is another number."""
+    record = write_run(tmp_path, "dcc", 1)
+    log = record.path / "metrics.jsonl"
+    rows = log.read_text().splitlines(keepends=True)
+    del rows[lost]
+    log.write_text("".join(rows))
+    with pytest.raises(RecordError, match=r"metrics\.jsonl: (env_steps|does not end with)"):
+        learning_mean(record, HEADLINE)
 
 
 def test_learning_mean_weighs_windows_by_their_length(tmp_path: Path) -> None:
     """A last window of a tenth counts a tenth: (900 * 1 + 100 * 11) / 1000."""
-    record = write_run(tmp_path, "dcc", 1)
+    record = write_run(tmp_path, "dcc", 1, curve=[1.0])
     rows = [{"env_steps": 900, HEADLINE: 1.0}, {"env_steps": 1000, HEADLINE: 11.0}]
     (record.path / "metrics.jsonl").write_text("".join(json.dumps(row) + "\n" for row in rows))
     assert learning_mean(replace(record), HEADLINE) == 2.0

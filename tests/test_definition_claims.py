@@ -140,9 +140,10 @@ def test_shipped_registrations_keep_their_names() -> None:
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
-        ("[6, 10]", "[]", ": looks needs 1 to 12 rising numbers of seeds, from 2 on"),
-        ("[6, 10]", "[10, 6]", ": looks needs 1 to 12 rising numbers of seeds, from 2 on"),
-        ("[6, 10]", "[1, 10]", ": looks needs 1 to 12 rising numbers of seeds, from 2 on"),
+        ("[6, 10]", "[]", ": looks needs 1 to 12 rising numbers of seeds, from 2 to 1,000"),
+        ("[6, 10]", "[10, 6]", ": looks needs 1 to 12 rising numbers of seeds, from 2 to 1,000"),
+        ("[6, 10]", "[6, 1001]", ": looks needs 1 to 12 rising numbers of seeds, from 2 to 1,000"),
+        ("[6, 10]", "[1, 10]", ": looks needs 1 to 12 rising numbers of seeds, from 2 to 1,000"),
         ("[6, 10]", "[6]", ": alpha_spent must have a number for each of the looks"),
         ("[0.02, 0.05]", "[0.05, 0.02]", ": alpha_spent adds up: numbers between 0 and 1 that do "
          "not decrease"),

@@ -20,7 +20,7 @@ from msgdrop_cli.engine.offers import catalogue
 CATALOGUE = catalogue()
 NAMES = list_definitions()
 OF_THE_PAPER = [name for name in NAMES if name not in ("trained-through", "message-scale")]
-PUBLISHED, SEEDS = Path(__file__).parents[1] / "results" / "published", range(1, 11)
+PUBLISHED, SEEDS = Path(__file__).parents[1] / "results" / "published", range(1, 21)
 
 BOTH = ("pursuit-n6", "pursuit-n8")
 SIX, EIGHT = BOTH[:1], BOTH[1:]

@@ -11,7 +11,7 @@ from msgdrop_cli.definition.channel import Channel
 from msgdrop_cli.errors import RecordError
 from msgdrop_cli.records.store import RunRecord
 from msgdrop_cli.report.table import channels_table, results_table
-from tests.fake_runs import GROUP, write_run
+from tests.fake_runs import GROUP, write_arm, write_run
 
 HEADLINE = "catches_per_500"
 
@@ -113,3 +113,11 @@ def test_what_cannot_be_added_up_names_its_log(
     log.write_text("".join(json.dumps(row) + "\n" for row in changed))
     with pytest.raises(RecordError, match=f"{log}: an episode's row is not readable"):
         summarise([record])
+
+
+def test_the_seeds_beside_a_number_are_those_in_it(tmp_path: Path) -> None:
+    """A run that is trained and not evaluated is in no mean of evaluations."""
+    runs = [*write_arm(tmp_path, "dcc", [3, 4]), write_run(tmp_path, "dcc", 3)]
+    summary = summarise(runs)
+    assert results_table(summary, GROUP).rows[0][1] == "2 (1 not evaluated)"
+    assert channels_table(summary, GROUP).rows[0][1] == "2 (1 not evaluated)"

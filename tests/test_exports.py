@@ -41,7 +41,15 @@ def root(tmp_path_factory: pytest.TempPathFactory) -> Path:
                     label=label,
                     run_id=hashlib.sha256(f"{size}{variant}{seed}".encode()).hexdigest()[:8],
                 )
-    write_run(folder, "dcc", 4, status="diverged", reason="loss is NaN", label="DCC, plain")
+    write_run(
+        folder,
+        "dcc",
+        4,
+        curve=[1.0, 4.0],
+        status="diverged",
+        reason="loss is NaN",
+        label="DCC, plain",
+    )
     return folder
 
 

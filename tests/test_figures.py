@@ -125,7 +125,7 @@ def test_a_figure_says_what_it_was_made_from(tmp_path: Path, draw: object) -> No
     footer = " ".join(figure.texts[0].get_text().split())
     for fact in (
         "pursuit-n6 · profile quick · 1,000 env steps a run · seeds 1, 2 · "
-        "1 failed or diverged runs left out · commit 0123456",
+        "1 failed or diverged run left out · commit 0123456",
         "catches per 500 = 500 x catches / steps",
         "lowest to highest (2 seeds)",
     ):
@@ -288,6 +288,9 @@ def test_markdown() -> None:
     assert to_markdown(table) == (
         "### T\n\n| a | b |\n| --- | --- |\n| x\\|y z | &lt;b&gt; |\n\nC\n"
     )
+    typed = "![](https://x/p.png) [a][b] *b* `c` md_0.2 _i_ 10.2 [9.8, 10.6]"
+    shown = to_markdown(Table(title="T", headers=("a",), rows=((typed,),), caption=""))
+    assert r"| ![]\(https://x/p.png) [a]\[b] \*b\* \`c\` md_0.2 \_i\_ 10.2 [9.8, 10.6] |" in shown
 
 
 def _rates(drawn: Drawn) -> list[float]:

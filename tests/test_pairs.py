@@ -171,6 +171,21 @@ def test_no_claim_was_about_a_variant_that_was_overridden(tmp_path: Path) -> Non
     assert verdict.reason == "md-0.2 was overridden: algorithm.rate=0.3"
 
 
+def test_games_of_two_questions_are_compared_if_they_are_one(tmp_path: Path) -> None:
+    """Whose scales are called alike: other settings of the game stand in the label, too."""
+    far = {"environment": {"name": "pursuit-n6", "sight": 9}}
+    records = write_arm(tmp_path, "dcc", LOW)
+    records += [
+        replace(record, run={**record.run, "spec": {**record.spec, **far}})
+        for record in write_arm(tmp_path, "md-0.2", HIGH, definition="other")
+    ]
+    verdict = verdict_on(records)
+    assert verdict.reason == "md-0.2 and dcc played games of different settings"
+    assert [arm.label for arm in summarise(records).arms] == ["DCC", "MD-0.2 (sight=9)"]
+    one = [replace(each, run={**each.run, "definition": "test"}) for each in records]
+    assert verdict_on(one).verdict == "supported"
+
+
 def test_what_was_overridden_of_both_is_told(tmp_path: Path) -> None:
     """It is another scale, as a profile is."""
     both = {"overrides": ["algorithm.gamma=0.9"]}

@@ -113,3 +113,34 @@ def test_a_policy_that_is_no_file_is_refused(tmp_path: Path, kind: str) -> None:
             policy.unlink()
             policy.write_bytes(b"weights")
             assert publish(tmp_path).code == 0
+
+
+def test_a_torn_log_takes_no_place(tmp_path: Path) -> None:
+    """Half of a training is no run: its file is named, and the copy stays as it is."""
+    filled_store(tmp_path)
+    assert publish(tmp_path).code == 0
+    published = tmp_path / "results" / "published"
+    before = {path: path.read_bytes() for path in published.rglob("*") if path.is_file()}
+    log = next((tmp_path / "results" / "runs").rglob("dcc-s2-*")) / "metrics.jsonl"
+    log.write_text(log.read_text().splitlines(keepends=True)[0])
+    said = publish(tmp_path)
+    assert (said.code, f"{log}: does not end with env_steps" in said.err) == (2, True), said.err
+    assert {path: path.read_bytes() for path in published.rglob("*") if path.is_file()} == before
+
+
+def test_no_study_of_a_shipped_question_is_written_over(tmp_path: Path) -> None:
+    """By a question of one's own that is called like it."""
+    filled_store(tmp_path)
+    own = tmp_path / "navigation.toml"
+    shutil.copy(tmp_path / "tiny.toml", own)
+    to = tmp_path / "results" / "published"
+    said = msgdrop("publish", own, "--results", tmp_path / "results", "--to", to)
+    assert said.code == 2
+    assert f"{own}: a question that is shipped is called navigation" in said.err
+    assert not to.exists()
+
+
+def test_a_reading_of_evaluations_is_no_other_run(tmp_path: Path) -> None:
+    """So there is nothing to publish under its name, and claims would be about something else."""
+    said = msgdrop("publish", "dropout-rate", "--reading", "exploring", "--results", tmp_path)
+    assert (said.code, "--reading exploring: it changes no run" in said.err) == (2, True)

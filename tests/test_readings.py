@@ -103,6 +103,7 @@ def test_policies_that_explore_are_evaluated_beside_greedy_ones(tmp_path: Path) 
     assert said.code == 0, said.err
     assert "trained" not in said.err
     assert "none broken, epsilon 0.02" in " ".join(said.out.split())
+    assert "figures/tiny-quick-exploring/" in said.out
     for record in list_runs(store.results):
         assert {each.key for each in record.episodes()} >= {"links:0", "links:0+epsilon:0.02"}
     assert "epsilon" not in store.ablate().out

@@ -169,6 +169,12 @@ def test_a_small_range_keeps_its_settings() -> None:
     assert len(set(found.channels)) == 3
 
 
+def test_points_that_are_one_number_are_refused() -> None:
+    """In the twelve digits that they are written in."""
+    with pytest.raises(DefinitionError, match=r"^--sweep: the points of 'loss:.*' lie too near$"):
+        Sweep.read("loss:0.30000000000001..0.30000000000002:11", "--sweep")
+
+
 def test_one_published_seed_is_shown_as_such(store: Store, tmp_path: Path) -> None:
     """A dash for its spread as in every table, and whose runs they are."""
     copy = tmp_path / "results" / "published" / "study" / "pursuit-n6"

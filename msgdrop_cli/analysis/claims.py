@@ -2,7 +2,8 @@
 
 There is a verdict only at the looks that the question has registered: each is of seeds 1 to n. What
 was trained in between is an estimate. Groups (environment, length, profile) are judged apart, and
-in a group the claims of one family together (`families`; `sequential` has the rule).
+in a group the claims of one family together (`families`; `sequential` has the rule). Whoever sets
+one arm to something else has no verdict on the others: they are a part of the family.
 """
 
 from collections import Counter
@@ -39,7 +40,7 @@ def judge_claims(
                 verdicts[number, group] = Verdict(
                     claim=claim, verdict=pair.word, reason=pair.reason, group=group
                 )
-                never[group, claim.family] += pair.word != "not run"  # which may change one day
+                never[group, claim.family] += pair.for_good
             else:
                 families.setdefault((group, claim.family), {})[number] = pair
     rule, sizes = definition.registration, Counter(each.family for each in definition.claims)

@@ -127,13 +127,14 @@ def _learning_mean(windows: Sequence[Window]) -> float | None:
 def windows_of(record: RunRecord, metric: str) -> list[Window]:
     """The windows with a value, in order; a null (nothing happened to be measured) is left out.
 
-    Raises RecordError for a row that is none, or not later than the one before.
+    Raises RecordError for a row that is none, or not the one that follows the row before; of a
+    finished run also for a log that ends too early.
     """
     windows, start = [], 0
     try:
         for row in record.metrics():
             end, value = int(row["env_steps"]), row.get(metric)
-            if end <= start:
+            if end <= start or end > _next_row(record, start):
                 raise RecordError(
                     f"{log_file(record.path / METRICS)}: env_steps {end} does not follow {start}"
                 )
@@ -146,7 +147,17 @@ def windows_of(record: RunRecord, metric: str) -> list[Window]:
         raise RecordError(
             f"{log_file(record.path / METRICS)}: env_steps or {metric} is not a number ({error!r})"
         ) from error
+    if record.status == "done" and start != record.env_steps:
+        file = log_file(record.path / METRICS)
+        raise RecordError(f"{file}: does not end with env_steps {record.env_steps}")
     return windows
+
+
+def _next_row(record: RunRecord, start: int) -> int:
+    """The env steps at which the row after `start` was written: passing a multiple, or the end."""
+    training = record.spec["training"]
+    every, games = int(training["log_every_env_steps"]), int(training["games"])
+    return -(-(start // every + 1) * every // games) * games
 
 
 def _smooth(windows: Sequence[Window]) -> Points:

@@ -22,6 +22,8 @@ class Missing(NamedTuple):
 
     word: Literal["not run", "undecided"]
     reason: str
+    for_good: bool = False
+    """Whether no run and no other setting can change it: its family does without it."""
 
 
 class ArmValues(NamedTuple):
@@ -114,6 +116,9 @@ def find_pair(group: Group, claim: Claim, summary: Summary) -> Pair | Missing:
     better, worse = arms
     if {run.run_id for run in better.done} & {run.run_id for run in worse.done}:
         reason = f"{better.variant} and {worse.variant} are one run under two names"
+        return Missing("undecided", reason, for_good=True)
+    if better.done and worse.done and not better.played_with(worse):
+        reason = f"{better.variant} and {worse.variant} played games of different settings"
         return Missing("undecided", reason)
     shared = [each for each in better.overrides if each in worse.overrides]
     for arm in arms:
@@ -124,7 +129,8 @@ def find_pair(group: Group, claim: Claim, summary: Summary) -> Pair | Missing:
         if arm.done and not _values(claim, arm):
             return Missing("not run", f"no {claim.metric} of {arm.variant} ({_measured(claim)})")
     if not any(arm.done for arm in arms):
-        return Missing("undecided", f"all runs of {better.variant} and {worse.variant} broke down")
+        reason = f"all runs of {better.variant} and {worse.variant} broke down"
+        return Missing("undecided", reason, for_good=True)
     return _paired(group, claim, better, worse, tuple(shared))
 
 

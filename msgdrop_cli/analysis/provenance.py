@@ -24,7 +24,7 @@ class Maker:
     runs: int
     env_steps: int
     hours: float
-    """Of training, one run after the other."""
+    """Of training, run by run: those that trained stacked in one process had theirs together."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -54,7 +54,7 @@ def makers(records: Sequence[RunRecord]) -> tuple[Maker, ...]:
             device=device,
             kernel=kernel,
             torch=torch,
-            commits=tuple(sorted({_commit(record) for record in runs})),
+            commits=tuple(sorted({short_commit(record) for record in runs})),
             runs=len(runs),
             env_steps=sum(record.env_steps for record in runs),
             hours=total(float(record.run["wall_time_s"]) for record in runs) / 3600.0,
@@ -109,7 +109,7 @@ def runs_of_no_claim(records: Iterable[RunRecord]) -> list[Dropped]:
     ]
 
 
-def _commit(record: RunRecord) -> str:
+def short_commit(record: RunRecord) -> str:
     """Its first seven letters, and the `+` of a tree with changes."""
     commit = str(record.run.get("commit") or _UNKNOWN)
     return commit[:7] + "+" * commit.endswith("+")

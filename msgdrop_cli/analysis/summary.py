@@ -47,7 +47,8 @@ class Arm:
     variant: str
     label: str
     """For people; names what was overridden of this variant and not of its whole group, and the
-    fields that differ where a variant has several set-ups in a group."""
+    fields that differ where a variant has several set-ups in a group, or another question's arm
+    plays another game."""
     overrides: tuple[str, ...]
     """What `--set` changed: `algorithm.gamma=0.9`, `variants.md-0.2.algorithm.rate=0.3`."""
     setup: Mapping[str, Any]
@@ -65,6 +66,16 @@ class Arm:
     metrics: Metrics
     """The formulas of its environment, the headline first."""
     rows: tuple[Row, ...]
+
+    def played_with(self, other: "Arm") -> bool:
+        """Whether both played one game, or one question sets them apart.
+
+        Two questions may call their scales alike, and set their games otherwise.
+        """
+        questions = ({run.definition for run in arm.done} for arm in (self, other))
+        return self.setup["environment"] == other.setup["environment"] or bool(
+            set.intersection(*questions)
+        )
 
     def row(self, metric: str, channel: Channel = NONE_BROKEN) -> Row | None:
         """The row of this metric and channel, or None if nothing was evaluated."""
@@ -194,6 +205,8 @@ def _label(arm: Arm, alike: Sequence[Arm]) -> str:
     shared = shared_overrides([each.overrides for each in alike])
     own = [each for each in arm.overrides if each not in shared]
     setups = [each.setup for each in alike if each.variant == arm.variant]
+    others = [each for each in alike if each.done and arm.done and not arm.played_with(each)]
+    setups += [{**arm.setup, "environment": each.setup["environment"]} for each in others]
     return arm.label + remarks(arm.variant, own, arm.setup, setups)
 
 

@@ -37,11 +37,11 @@ def plot(results: options.Folder = Path("results"), json: options.Json = False) 
     paths = [
         path for part, folder in _by_study(summary, results) for path in draw_all(part, folder)
     ]
+    if not paths:
+        raise DefinitionError(f"{results}: no run is finished yet, so there is nothing to draw")
     if json:
         console.result_json([str(path) for path in paths])
         return 0
-    if not paths:
-        raise DefinitionError(f"{results}: no run is finished yet, so there is nothing to draw")
     for path in paths:
         if path.suffix == ".png":
             console.result(str(path))

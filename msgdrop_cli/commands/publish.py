@@ -1,6 +1,7 @@
 """`msgdrop publish`: finished runs of a question as small records, tables and figures to commit."""
 
 import os
+import shlex
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from itertools import chain
@@ -12,8 +13,10 @@ import typer
 from msgdrop_cli.commands.parts import console, options
 from msgdrop_cli.commands.parts.words import several
 from msgdrop_cli.definition.channel import Channel
-from msgdrop_cli.definition.load import load_definition
+from msgdrop_cli.definition.figures import all_figures
+from msgdrop_cli.definition.load import list_definitions, load_definition
 from msgdrop_cli.definition.plan import Plan, plan
+from msgdrop_cli.definition.readings import all_readings
 from msgdrop_cli.definition.spec import Definition
 from msgdrop_cli.errors import DefinitionError, RecordError
 from msgdrop_cli.records.copies import same_logs
@@ -55,6 +58,7 @@ def publish(
     """
     options.check_place(to, "--to")
     definition = load_definition(name)
+    _check(definition, reading or ())
     traces = _traces(definition)
     profile = options.chosen_profile(definition, profile)
     chosen = options.chosen_seeds(seed, seeds)
@@ -69,7 +73,8 @@ def publish(
     records, elsewhere = _runs(asked, results, to.joinpath(folder.inside))
     if not records and not elsewhere:
         what = f"{results}: holds no finished run of {definition.name}, profile {asked.profile}"
-        raise DefinitionError(f"{what} (train them: {_command(name, profile, reading or ())})")
+        wanted = _command(name, profile, reading or (), chosen, results)
+        raise DefinitionError(f"{what} (train them: {wanted})")
     references = references_of([*records, *elsewhere], folder.made(), kept_in=folder.made())
     study = study_of(records, definition, asked.profile, references, elsewhere)
     note_left_out(study.summary)
@@ -97,6 +102,7 @@ class _Runs(NamedTuple):
 def _runs(asked: Plan, results: Path, study: Path) -> _Runs:
     """The plan's finished runs, by its names, and those that are published already."""
     from msgdrop_cli.commands.parts.carry_out import as_planned
+    from msgdrop_cli.commands.parts.sound import check_windows
 
     there = list_runs(study) if any(study.glob(f"*/*/{RUN}")) else []
     kept = {record.run_id: record for record in there}
@@ -124,6 +130,9 @@ def _runs(asked: Plan, results: Path, study: Path) -> _Runs:
     if poorer:
         why = "not evaluated yet, or with fewer episodes than its published copy"
         console.note(f"passed over: {several(len(poorer), 'run')} of yours, {why}")
+    for record in here.values():
+        if record.status == "done":  # nothing is copied of which one log is not whole
+            check_windows(record)
     here |= {run_id: record for run_id, record in kept.items() if run_id not in here}
     return _Runs([*here.values()], [each for run_id, each in named.items() if run_id not in here])
 
@@ -164,6 +173,18 @@ def _keep_question(definition: Definition, traces: Mapping[str, Path], folder: P
         write_bytes_atomic(copy, read_bytes(trace))
 
 
+def _check(definition: Definition, readings: Sequence[str]) -> None:
+    """DefinitionError for what would take another study's place, or say what it does not mean."""
+    known = all_readings()
+    if evaluated := [each for each in readings if each in known and known[each].evaluation_epsilon]:
+        raise DefinitionError(f"--reading {evaluated[0]}: it changes no run: publish without it")
+    if not definition.shipped and definition.name in (*list_definitions(), *all_figures()):
+        raise DefinitionError(
+            f"{definition.file}: a question that is shipped is called {definition.name}, and this"
+            " would take the place of its study: call the file otherwise, or publish by the name"
+        )
+
+
 def _traces(definition: Definition) -> dict[str, Path]:
     """The traces of a question by where they lie from its file; DefinitionError for another place.
 
@@ -190,10 +211,15 @@ def _remove_stale(folder: Path, drawn: Sequence[Path]) -> None:
             path.unlink()
 
 
-def _command(name: str, profile: str, readings: Sequence[str]) -> str:
+def _command(
+    name: str, profile: str, readings: Sequence[str], seeds: Sequence[int] | None, results: Path
+) -> str:
     """What trains the runs that are to be published."""
-    under = "".join(f" --reading {each}" for each in readings)
-    return f"msgdrop ablate {name} --profile {profile}{under}"
+    words = ["msgdrop", "ablate", name, "--profile", profile]
+    words += [word for each in readings for word in ("--reading", each)]
+    words += ["--seeds", "".join(f"{seed}," for seed in seeds)] if seeds else []
+    words += ["--results", str(results)] if results != Path("results") else []
+    return shlex.join(words)
 
 
 def _show(paths: Mapping[str, Sequence[Path]], *, as_json: bool) -> None:

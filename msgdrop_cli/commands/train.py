@@ -146,7 +146,8 @@ def _through(channel: str) -> str:
 
 def _check_said_once(overrides: Sequence[str], options: Mapping[str, object]) -> None:
     """Refuse an option beside a `--set` of the same setting: one of them would not count."""
-    said = {text.partition("=")[0].strip() for text in overrides}
+    paths = ([part.strip() for part in text.partition("=")[0].split(".")] for text in overrides)
+    said = {".".join(path[-2:]) for path in paths}  # variants.dcc.algorithm.rate is algorithm.rate
     for setting, value in options.items():
         if value is not None and setting in said:
             raise DefinitionError(

@@ -1,5 +1,6 @@
 """`msgdrop watch`: an episode of a trained policy in the terminal, with a hand in its links."""
 
+from shlex import quote
 from typing import Annotated
 
 import typer
@@ -38,7 +39,7 @@ def watch(
         raise DefinitionError(f"--speed: expected one of {known}, not {speed}")
     first = episode.asked_channel(broken_links, channel)
     if not terminal.is_terminal():
-        hint = f"msgdrop replay {run} --html episode.html"
+        hint = f"msgdrop replay {quote(str(run))} --html episode.html"
         raise DefinitionError(f"watch needs a terminal that it can draw on; without one: {hint}")
     others = [words.channel(each, "--channel") for each in _CHANNELS]
     from msgdrop_cli.engine.policy import check_trained

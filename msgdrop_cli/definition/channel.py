@@ -38,7 +38,7 @@ SCALES: tuple[Scale, ...] = get_args(Scale)
 """Of messages at execution: 1 - rate as in the paper, 1, or more where fewer arrive."""
 _EXPECTED = "expected none, half, all, a share from 0 to 1 (0.3 or 30%) or kind:settings"
 _RECEIVER = "after +: mean, hold:STEPS, scale:one, scale:delivered or epsilon:SHARE"
-_LONGEST_HOLD = 1_000_000
+_HOLD, _LONGEST_HOLD = re.compile(r"hold:([1-9][0-9]{0,6})"), 1_000_000
 _KIND = re.compile(r"[a-z][a-z0-9-]{0,63}")
 
 
@@ -85,8 +85,8 @@ class Channel:
     @property
     def hold(self) -> int:
         """For how many steps the last message stands in; 0 if it never does."""
-        word, _, steps = self.missing.partition(":")
-        return int(steps) if word == "hold" and steps.isdecimal() and len(steps) < 8 else 0
+        found = _HOLD.fullmatch(self.missing)
+        return int(found[1]) if found else 0
 
     @property
     def plain(self) -> bool:
@@ -243,7 +243,7 @@ def build_channel(channel: Channel, kinds: Mapping[str, type[Any]]) -> Any:
 
     Raises ValueError: an unknown kind, or settings that it does not take; the caller knows where.
     """
-    if channel.kind in NAMED:
+    if channel.kind in (*NAMED, *WORDS):
         raise ValueError(f"{channel.key}: {channel.kind} takes no settings")
     if channel.kind not in kinds:
         known = nearest(channel.kind, [*WORDS, *NAMED, *kinds])

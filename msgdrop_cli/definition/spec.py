@@ -18,7 +18,7 @@ MOST_LOG_ROWS = 100_000
 MOST_EPISODES = 10_000
 """Of one evaluation; a log has room for ten of them."""
 
-MOST_LOOKS, MOST_IN_FAMILY = 12, 10
+MOST_LOOKS, MOST_IN_FAMILY, MOST_SEEDS = 12, 10, 1_000
 """Of a registration; all 2^n sets of the claims of a family are tested."""
 
 
@@ -145,9 +145,11 @@ class Registration:
     """The games in which it was another number of seeds, e.g. `{ pursuit-n6 = 0 }`."""
 
     def __post_init__(self) -> None:
-        increasing = all(0 < a < b for a, b in pairwise((1, *self.looks)))
+        increasing = all(0 < a < b for a, b in pairwise((1, *self.looks, MOST_SEEDS + 1)))
         if not increasing or not 1 <= len(self.looks) <= MOST_LOOKS:
-            raise ValueError(f"looks needs 1 to {MOST_LOOKS} rising numbers of seeds, from 2 on")
+            raise ValueError(
+                f"looks needs 1 to {MOST_LOOKS} rising numbers of seeds, from 2 to {MOST_SEEDS:,}"
+            )
         if len(self.alpha_spent) != len(self.looks):
             raise ValueError("alpha_spent must have a number for each of the looks")
         if not all(0 < a <= b < 1 for a, b in pairwise((self.alpha_spent[0], *self.alpha_spent))):

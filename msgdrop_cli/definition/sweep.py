@@ -47,6 +47,8 @@ class Sweep:
         step = (last - first) / (count - 1)
         # In twelve digits, so that tenths are tenths.
         values = tuple(float(f"{first + step * place:.12g}") for place in range(count))
+        if len(set(values)) < count:
+            raise DefinitionError(f"{option}: the points of {shown(text)} lie too near")
         try:
             channels = tuple(Channel.read(_RANGE.sub(f"{value:.12g}", text)) for value in values)
             channels = tuple(channel.located() for channel in channels)

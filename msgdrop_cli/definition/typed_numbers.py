@@ -24,9 +24,12 @@ def number(text: str) -> float:
 
     Raises ValueError for any other text and for what is not finite; the caller knows where.
     """
-    digits = text.removesuffix("%").strip()
+    if not text.isascii():
+        raise ValueError(f"expected a number such as 0.3 or 30%, not {shown(text)}")
+    typed = text.strip()
+    digits = typed.removesuffix("%").rstrip()
     # Read as 33.3e-2, since 33.3 / 100 is another number than 0.333, and another run.
-    value = float(digits if digits == text else f"{digits}e-2")
+    value = float(f"{digits}e-2" if typed.endswith("%") else digits)
     if not math.isfinite(value):
         raise ValueError(f"expected a finite number, not {shown(text)}")
     return value + 0.0  # -0.0 is 0.0

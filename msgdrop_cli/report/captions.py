@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 
 from msgdrop_cli.analysis.intervals import FEWEST
+from msgdrop_cli.analysis.provenance import short_commit
 from msgdrop_cli.analysis.summary import Arm, Group, Summary
 
 
@@ -11,16 +12,23 @@ def scale(group: Group) -> str:
     return f"{group.environment}, {group.train_env_steps:,} env steps, {group.profile} profile"
 
 
-def footer(summary: Summary, group: Group, arms: Sequence[Arm], measure: str) -> str:
-    """What the drawn arms of a group were made from, then how their numbers are to be read."""
+def footer(
+    summary: Summary, group: Group, arms: Sequence[Arm], measure: str, *, lost: str = "left out"
+) -> str:
+    """What the drawn arms of a group were made from, then how their numbers are to be read.
+
+    lost: what becomes of failed and diverged runs in these numbers.
+    """
     seeds = {tuple(record.seed for record in arm.done) for arm in arms}
     counts = sorted({len(each) for each in seeds})
     if len(seeds) == 1:
         shown = f"seed{'s' * (counts[0] > 1)} {_numbers(*seeds)}"
+    elif len(counts) == 1:
+        shown = f"{counts[0]} seeds a variant, not the same"
     else:
         shown = f"{counts[0]} to {counts[-1]} seeds a variant"
-    lost = sum(arm.failed + arm.diverged for arm in summary.arms_of(group))
-    commits = sorted({str(run.run.get("commit") or "?")[:7] for arm in arms for run in arm.done})
+    broken = sum(arm.failed + arm.diverged for arm in summary.arms_of(group))
+    commits = sorted({short_commit(run) for arm in arms for run in arm.done})
     overrides = dict.fromkeys(each for arm in arms for each in arm.overrides)
     facts = [
         group.environment,
@@ -29,7 +37,7 @@ def footer(summary: Summary, group: Group, arms: Sequence[Arm], measure: str) ->
         *([f"overridden: {', '.join(overrides)}"] if overrides else []),
         shown,
         *([origin] if (origin := summary.origin_of(group)) else []),
-        *([f"{lost} failed or diverged runs left out"] if lost else []),
+        *([f"{broken} failed or diverged run{'s' * (broken > 1)} {lost}"] if broken else []),
         f"commit{'s' * (len(commits) > 1)} {', '.join(commits)}",
     ]
     return " · ".join(facts) + "\n" + measure

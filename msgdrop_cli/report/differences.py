@@ -42,8 +42,8 @@ def draw_differences(summary: Summary, group: Group, pairs: Sequence[Pair]) -> D
         arms,
         f"{metric.label} = {metric.formula}. {PAIRED} "
         + spread_note({len(pair.differences) for pair in pairs}, "mark", "line")
-        + " Dots: seeds."
-        + " A run that failed or diverged has the worst value." * any(p.lost for p in pairs),
+        + " Dots: seeds.",
+        lost="counted as the worst value",
     )
     names = [
         wrapped(versus(shown[p.claim.better], shown[p.claim.worse]), _WIDEST, TICK) for p in pairs

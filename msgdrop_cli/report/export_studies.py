@@ -48,9 +48,16 @@ def studies_of(summary: Summary) -> list[Study]:
 
 
 def _named(summary: Summary, group: Group) -> dict[str, Arm]:
-    """The arms with finished runs by names that differ, without commas, which marl-eval forbids."""
+    """The arms with finished runs by names that differ, without commas, which marl-eval forbids.
+
+    What was overridden of all is said: in another size of the game it may be otherwise.
+    """
     arms = [arm for arm in summary.arms_of(group) if arm.done]
-    labels = [arm.label.replace(",", ";") for arm in arms]
+    changed = ", ".join(summary.overrides_of(group))
+    labels = [
+        f"{arm.label} ({changed})".replace(",", ";") if changed else arm.label.replace(",", ";")
+        for arm in arms
+    ]
     times = Counter(labels)
     return {
         label if times[label] == 1 else f"{arm.variant}: {label}": arm

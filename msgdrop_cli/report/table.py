@@ -4,6 +4,7 @@ Every caption carries environment, profile, training length and seeds, so that n
 for one of another scale.
 """
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -16,6 +17,8 @@ from msgdrop_cli.definition.channel import MANY, NONE_BROKEN, Channel, title_of
 from msgdrop_cli.records.references import References
 
 NOTHING = "\u2013"
+_MARKS = re.compile(r"[\\`*|]|(?<=\])[(\[]|(?<!\w)_|_(?!\w)")
+"""What Markdown would take for a cell's end, code, emphasis, a link or a picture."""
 _ERRORS = (
     " Error in a seed: the standard error over its episodes (root mean square of the seeds), which"
     " more episodes make smaller; spread: standard deviation of the seeds, that error included."
@@ -40,8 +43,8 @@ def results_table(summary: Summary, group: Group, channel: Channel = NONE_BROKEN
     rows = [
         (
             arm.label,
-            seeds_text(arm),
-            _estimate(row := arm.row(metrics.headline.name, channel)),
+            seeds_text(arm, [row := arm.row(metrics.headline.name, channel)]),
+            _estimate(row),
             _errors(row),
             _with_interval(row.iqm, row.iqm_interval) if row else NOTHING,
             *(_mean(arm.row(each.name, channel)) for each in others),
@@ -84,19 +87,19 @@ def channels_table(summary: Summary, group: Group) -> Table:
     headline = summary.metrics(group.environment).headline
     arms = summary.arms_of(group)
     channels = sorted({row.channel for arm in arms for row in arm.rows})
-    rows = [
+    lines = [
         (
             arm.label,
-            seeds_text(arm),
-            *(_estimate(arm.row(headline.name, channel)) for channel in channels),
+            seeds_text(arm, rows := [arm.row(headline.name, channel) for channel in channels]),
+            *map(_estimate, rows),
         )
         for arm in arms
     ]
     references = summary.references_of(group)
-    rows += reference_rows(references, [(headline.name, each) for each in channels])
+    lines += reference_rows(references, [(headline.name, each) for each in channels])
     headers = ("variant", "seeds", *(each.short for each in channels))
     if len(channels) >= MANY:
-        headers, *rows = zip(headers, *rows, strict=True)
+        headers, *lines = zip(headers, *lines, strict=True)
     shown = [row for arm in arms for row in arm.rows]
     about = _about(summary, group)
     if first := _first(shown):
@@ -104,7 +107,7 @@ def channels_table(summary: Summary, group: Group) -> Table:
     return Table(
         title=f"{title_of(channels)}, {group.environment} ({_scale(summary, group)})",
         headers=headers,
-        rows=tuple(rows),
+        rows=tuple(lines),
         caption=f"{headline.label} [95% interval]; {about}. {_headline_note(headline)}"
         + references_note(references),
     )
@@ -145,11 +148,16 @@ def to_markdown(table: Table) -> str:
     return f"### {_escape(table.title)}\n\n{grid}\n\n{_escape(table.caption)}\n"
 
 
-def seeds_text(arm: Arm) -> str:
-    """How many seeds count, and what became of the others: `3 (1 diverged)`."""
+def seeds_text(arm: Arm, rows: Sequence[Row | None]) -> str:
+    """How many seeds count, and what became of the others: `3 (1 diverged)`.
+
+    rows: the numbers beside it, which are of the seeds that were evaluated.
+    """
+    seeds = min([len(row.by_seed) for row in rows if row], default=len(arm.done))
     counts = {"failed": arm.failed, "diverged": arm.diverged, "unfinished": arm.unfinished}
+    counts["not evaluated"] = len(arm.done) - seeds
     lost = ", ".join(f"{count} {word}" for word, count in counts.items() if count)
-    return f"{len(arm.done)} ({lost})" if lost else str(len(arm.done))
+    return f"{seeds} ({lost})" if lost else str(seeds)
 
 
 def _compared(verdict: Verdict) -> str:
@@ -259,6 +267,7 @@ def _headline_note(metric: NamedMetric) -> str:
 
 
 def _escape(text: str) -> str:
-    for character, safe in {"&": "&amp;", "<": "&lt;", ">": "&gt;", "|": "\\|"}.items():
+    """Shown as it is: no HTML, and no link, picture, code or emphasis of Markdown."""
+    for character, safe in {"&": "&amp;", "<": "&lt;", ">": "&gt;"}.items():
         text = text.replace(character, safe)
-    return " ".join(text.split())
+    return _MARKS.sub(r"\\\g<0>", " ".join(text.split()))

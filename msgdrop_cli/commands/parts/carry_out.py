@@ -29,6 +29,7 @@ from msgdrop_cli.commands.parts.show_report import report
 from msgdrop_cli.commands.parts.survey import Survey, survey, wanted_of
 from msgdrop_cli.commands.parts.words import several
 from msgdrop_cli.definition.plan import Plan, plan
+from msgdrop_cli.definition.readings import all_readings
 from msgdrop_cli.definition.run_id import short_hash
 from msgdrop_cli.definition.spec import Definition, PlannedRun
 from msgdrop_cli.errors import RecordError, RunError
@@ -255,8 +256,12 @@ def as_planned(record: RunRecord, planned: PlannedRun) -> RunRecord:
 
 
 def _figures_of(asked: Plan, options: TrainOptions) -> str:
-    """The folder's name; what was overridden has one of its own, and writes over no other."""
-    name = f"{asked.definition.name}-{asked.profile}"
+    """The folder's name; what was overridden has one of its own, and writes over no other.
+
+    So has what was evaluated otherwise, which the profile's name does not tell.
+    """
+    evaluated = [each for each in options.readings if all_readings()[each].evaluation_epsilon]
+    name = "-".join((asked.definition.name, asked.profile, *sorted(evaluated)))
     if not options.overrides:
         return name
     return f"{name}-{short_hash({'overrides': list(options.overrides)})}"

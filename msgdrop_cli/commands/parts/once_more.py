@@ -1,6 +1,7 @@
 """The command that finishes runs, made of what their records say."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
+from contextlib import suppress
 from os.path import relpath
 from pathlib import Path
 from shlex import quote
@@ -10,6 +11,7 @@ from msgdrop_cli.definition.load import list_definitions, load_definition
 from msgdrop_cli.definition.overrides import SECTIONS
 from msgdrop_cli.definition.plan import AD_HOC_NAME
 from msgdrop_cli.definition.readings import all_readings, apart
+from msgdrop_cli.errors import DefinitionError
 from msgdrop_cli.records.store import RunRecord
 from msgdrop_cli.report.write import home_of
 
@@ -34,7 +36,9 @@ def once_more(runs: Sequence[RunRecord]) -> OnceMore:
     else:
         shipped = first.definition in list_definitions()
         asked, lacks = (first.definition, "") if shipped else _file(first.definition)
-        known = load_definition(first.definition).profiles if shipped else ()
+        known: Iterable[str] = ()
+        with suppress(DefinitionError):  # the file is not there, or no question any more
+            known = load_definition(asked).profiles
         profile, readings = apart(first.profile, known)
         words = ["msgdrop", "ablate", asked, "--profile", profile]
         words += [word for reading in readings for word in ("--reading", reading)]

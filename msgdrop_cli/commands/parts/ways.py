@@ -128,7 +128,7 @@ class _Guide:
         return replace(reading, command=self._command(line, figure, scale, seeds))
 
     def wanted(self, line: Line) -> list[Wanted]:
-        """The runs of both arms that are missing at the next look that can decide it."""
+        """The runs of its family that are missing at the next look that can decide it."""
         rule, shown = self.definition.registration, line.shown
         asked = self._asked_for(line, rule) if rule else None
         if asked is None or asked.look is None:
@@ -151,23 +151,22 @@ class _Guide:
         return [each for each in wanted if each.run.run_id in pending]
 
     def _asked_for(self, line: Line, rule: Registration) -> _Asked:
-        """What the claim waits for.
+        """What the claim waits for: its next look, of all arms of its family that are open.
 
-        Of a claim that has the seeds of its next look these are the open arms of its family.
+        There is no verdict on a part of a family.
         """
         shown = line.shown
         reached = shown.evidence.seeds if shown and shown.evidence else 0
         looks = [n for n in deciding_looks(rule.in_game(line.environment)) if n > reached]
-        if shown and looks and shown.seeds >= looks[0]:
-            family = (line.environment, line.measure)
-            mates = [
-                each
-                for each in self.lines
-                if (each.environment, each.measure) == family and each.word not in _REJECTED
-            ]
-            arms = [arm for each in mates for arm in (each.better, each.worse)]
-            return _Asked(list(dict.fromkeys(arms)), looks[0], for_family=True)
-        return _Asked((line.better, line.worse), looks[0] if looks else None, for_family=False)
+        family = (line.environment, line.measure)
+        mates = [
+            each
+            for each in self.lines
+            if (each.environment, each.measure) == family and each.word not in _REJECTED
+        ]
+        arms = [arm for each in (line, *mates) for arm in (each.better, each.worse)]
+        waits = bool(shown and looks and shown.seeds >= looks[0])
+        return _Asked(list(dict.fromkeys(arms)), looks[0] if looks else None, for_family=waits)
 
     def _first_look(self, line: Line) -> int:
         """The first look that can decide anything, or else the first."""

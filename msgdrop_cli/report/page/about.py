@@ -120,10 +120,11 @@ def _makers(page: Page) -> Html:
         for each in page.makers
     ]
     hours = total(each.hours for each in page.makers)
+    count = sum(each.runs for each in page.makers)
     made = f"msgdrop {page.version}" + (f" at commit {page.commit[:7]}" if page.commit else "")
     parts = [
-        el("p", f"{sum(each.runs for each in page.makers)} runs took {hours:.1f} hours to train, "
-           f"one after the other. {made} made this page of the records in ",
+        el("p", f"{count} runs took {hours:.1f} hours to train, counted run by run: stacked ones, "
+           f"as on a GPU, had theirs together. {made} made this page of the records in ",
            el("code", page.folder), f"; {page.origin}." if page.origin else "."),
     ]  # fmt: skip
     if rows:
