@@ -26,7 +26,7 @@ def test_a_footer_says_which_runs_it_is_of(tmp_path: Path) -> None:
     runs = [write_run(tmp_path, "dcc", 1, commit="0123456789ab+"), write_run(tmp_path, "fdc", 2)]
     summary = summarise(runs)
     first, _ = footer(summary, GROUP, summary.arms, "").split("\n")
-    assert "1 seeds a variant, not the same" in first
+    assert "1 seed a variant, not the same" in first
     assert "commits 0123456, 0123456+" in first
 
 

@@ -273,3 +273,12 @@ def test_foreign_records_are_no_bugs_of_ours(
             errors = [line for line in said.err.splitlines() if "error: " in line]
             assert len(errors) == 1
             assert str(path) in errors[0]
+
+
+@pytest.mark.parametrize("more", [(), ("--dry-run",)])
+def test_a_file_is_no_results_folder(tmp_path: Path, more: Sequence[str]) -> None:
+    """A dry run says so, too: what it shows could not be trained."""
+    (tmp_path / "taken").touch()
+    said = msgdrop("train", "--results", tmp_path / "taken", *more)
+    assert (said.code, said.out) == (73, "")
+    assert said.err.endswith("taken: is a file; name a folder\n")

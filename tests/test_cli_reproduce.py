@@ -211,5 +211,5 @@ def test_a_folder_without_runs_is_no_place_for_a_page(tmp_path: Path) -> None:
     """As for every other command; nothing is written."""
     said = msgdrop("reproduce", tmp_path)
     assert said.code == 2
-    assert "no finished run is there" in said.err
+    assert "no finished run of a shipped question is there" in said.err
     assert list(tmp_path.iterdir()) == []

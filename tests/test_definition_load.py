@@ -120,6 +120,8 @@ def test_lists_in_a_claim_are_every_combination(tmp_path: Path) -> None:
         ("seeds = 2", "seeds = 2\nevaluation_episodes = 0", "profiles.quick: evaluation_episodes "
          "must be at least 1, not 0"),
         ("seeds = 2", "seeds = 5000", "profiles.quick.seeds: expected 1 to 1000 seeds, not 5000"),
+        ("seeds = 2", "seeds = [1, 2.5]", "profiles.quick.seeds.2: expected a whole number, not "
+         "2.5"),
         ("seeds = 2", "seeds = [1, 1]", "profiles.quick.seeds: expected 1 to 1000 seeds, all "
          "different"),
     ],

@@ -99,8 +99,15 @@ def test_only_what_there_is_can_be_emitted() -> None:
     assert re.search("line breaks", said.err)
 
 
-def test_a_script_is_no_json() -> None:
-    """One line instead of a script that somebody would parse."""
-    said = msgdrop(*ASKED, "--emit", "slurm", "--json")
+@pytest.mark.parametrize(
+    ("also", "says"),
+    [
+        (("--json",), "--emit prints a script, which is no JSON"),
+        (("--cluster", "local:2"), "--emit: a job of an array trains by itself"),
+    ],
+)
+def test_a_script_is_all_that_is_made(also: Sequence[str], says: str) -> None:
+    """One line instead of a script that does less than was asked for."""
+    said = msgdrop(*ASKED, "--emit", "slurm", *also)
     assert (said.code, said.out) == (2, "")
-    assert "--emit prints a script, which is no JSON" in said.err
+    assert says in said.err

@@ -70,5 +70,5 @@ def _check_files(files: Mapping[str, Path]) -> None:
             raise DefinitionError(f"{option}: {file}: would be written twice; name a file for each")
         if file.exists() and not file.is_file():
             raise DefinitionError(f"{option}: {file}: is there and is no file; name another")
-        options.check_place(file, option)
+        options.check_place(file, option, is_file=True)
         taken.add(file.resolve())

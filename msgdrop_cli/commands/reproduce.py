@@ -96,7 +96,9 @@ def _written(results: Path, workers: int, device: str, *, may_be_empty: bool) ->
 
     page = paper_page(results, workers=workers, device=device)
     if not page.makers and not may_be_empty:
-        raise DefinitionError(f"{results}: no finished run is there, so there is no page to write")
+        raise DefinitionError(
+            f"{results}: no finished run of a shipped question is there, so there is no page"
+        )
     text = json_text.dumps(page.document(), indent=1, allow_nan=False) + "\n"
     folder = Folder(home_of(results))
     contents = {"html": html(page), "md": markdown(page), "json": text.encode()}

@@ -234,6 +234,8 @@ def _union(value: Any, hint: Any, where: Where) -> Any:
     if len(members) == 1:
         return convert(value, members[0], where)
     for member in members:
+        if isinstance(value, list) and get_origin(member) is tuple:
+            return convert(value, member, where)  # or the entry that is wrong is named
         try:
             return convert(value, member, where)
         except DefinitionError:

@@ -24,7 +24,7 @@ def footer(
     if len(seeds) == 1:
         shown = f"seed{'s' * (counts[0] > 1)} {_numbers(*seeds)}"
     elif len(counts) == 1:
-        shown = f"{counts[0]} seeds a variant, not the same"
+        shown = f"{counts[0]} seed{'s' * (counts[0] > 1)} a variant, not the same"
     else:
         shown = f"{counts[0]} to {counts[-1]} seeds a variant"
     broken = sum(arm.failed + arm.diverged for arm in summary.arms_of(group))

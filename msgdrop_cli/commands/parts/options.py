@@ -246,13 +246,15 @@ def chosen_profile(definition: Definition, profile: str | None) -> str:
     return known[0] if len(known) == 1 else _PROFILE
 
 
-def check_place(named: Path, option: str) -> None:
+def check_place(named: Path, option: str, *, is_file: bool = False) -> None:
     """Refuse (RecordError, 73) to write to what lies in a folder that is not there.
 
     What is named is made, a file or a folder; what it lies in is not, for nobody has named that,
     and a mistyped path would become folders that nobody looks for.
     """
     folder = named.parent
+    if not is_file and os.path.lexists(named) and named.is_file():
+        raise RecordError(one_line(f"{option}: {named}: is a file; name a folder"), CANNOT_CREATE)
     if not os.path.lexists(named) and not os.path.lexists(folder):
         make = shlex.join(["mkdir", "-p", str(folder)])
         problem = f"{option}: {named}: cannot be created: {folder} is not there ({make})"

@@ -29,6 +29,8 @@ def show_job_array(name: str, definition: Definition, options: TrainOptions) -> 
 
     if options.json:
         raise DefinitionError("--emit prints a script, which is no JSON; leave out --json")
+    if options.cluster:
+        raise DefinitionError("--emit: a job of an array trains by itself; leave out --cluster")
     if options.to_next_look:
         raise DefinitionError("--emit: an array is of seeds that are known; give --seeds a number")
     asked, one = (
