@@ -47,7 +47,9 @@ def record(tmp_path: Path) -> Path:
         env = registry.make(run.spec.environment_config)
         create_run(path, run, facts(env, "c", "cpu"))
         set_status(path, "done", env_steps=steps)
-        windows = ({"env_steps": steps * n // 3, "catches_per_500": n} for n in (1, 2, 3))
+        every = run.spec.training.log_every_env_steps
+        ends = range(every, steps + 1, every)
+        windows = ({"env_steps": end, "catches_per_500": 3 * end / steps} for end in ends)
         append_jsonl(path / METRICS, *windows)
         counts = {"steps": 9, "finished": False, "return": -1.0, "catches": 1, "edge_hits": 2}
         played = ({"broken_links": links, "episode": 0, **counts} for links in (0.0, 0.5))
