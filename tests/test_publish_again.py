@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from msgdrop_cli.records.store import list_runs
-from tests.cli_runs import Said, filled_store, msgdrop
+from tests.cli_runs import QUESTION, Said, filled_store, msgdrop
 
 
 def publish(folder: Path) -> Said:
@@ -130,10 +130,9 @@ def test_a_torn_log_takes_no_place(tmp_path: Path) -> None:
 
 def test_no_study_of_a_shipped_question_is_written_over(tmp_path: Path) -> None:
     """By a question of one's own that is called like it."""
-    filled_store(tmp_path)
     own = tmp_path / "navigation.toml"
-    shutil.copy(tmp_path / "tiny.toml", own)
-    to = tmp_path / "results" / "published"
+    own.write_text(QUESTION)
+    to = tmp_path / "published"
     said = msgdrop("publish", own, "--results", tmp_path / "results", "--to", to)
     assert said.code == 2
     assert f"{own}: a question that is shipped is called navigation" in said.err
