@@ -19,6 +19,7 @@ from msgdrop_cli.errors import DefinitionError, RecordError, to_install
 from msgdrop_cli.records.store import RunRecord, list_runs
 from msgdrop_cli.report.cells import csv_bytes
 from msgdrop_cli.report.export import FORMATS, export_files
+from msgdrop_cli.report.export_studies import studies_of
 from msgdrop_cli.report.write import Folder, write_folder
 from tests.cli_runs import msgdrop
 from tests.fake_runs import write_run
@@ -157,6 +158,18 @@ def test_rliable_gets_runs_by_games(records: list[RunRecord]) -> None:
     assert shapes == {"DCC; plain": (2, 2), "=MD": (3, 2)}
     assert whole["scores"]["=MD"] == [[2.0, 2.0], [4.0, 4.0], [6.0, 6.0]]
     assert whole["left_out"] == ["pursuit-n6: seeds 3 of DCC; plain, which are not in every size"]
+
+
+def test_a_size_that_was_trained_otherwise_is_another_algorithm(records: list[RunRecord]) -> None:
+    """Its arms say so, though all of its size have it: elsewhere they have not."""
+    changed = {"overrides": ["algorithm.gamma=0.9"]}
+    mixed = [
+        replace(each, run={**each.run, **changed}) if each.environment == "pursuit-n8" else each
+        for each in records
+    ]
+    [found] = studies_of(summarise(mixed))
+    assert found.algorithms == {}
+    assert "pursuit-n8: =MD (gamma=0.9), which is not in every size of the game" in found.left_out
 
 
 def test_a_research_object_names_every_run(records: list[RunRecord]) -> None:

@@ -81,7 +81,8 @@ def navigation() -> str:
     ]
     worse = found.verdict("md-0.5", "dcc", environment="navigation-n10", measure="learning")
     expect(worse.verdict == "contradicted", "that a rate of 0.5 costs something")
-    with_huber(), with_target()
+    with_huber()
+    with_target()
     said = f"""These differences are small against what is left to learn there. A rate of 0.5 can
     cost something: begin with 0.2. With ten agents both rates learn worse than DCC where the loss
     is Huber's ([table](../results/README.md#published{HUBER})), and 0.2 as well as DCC where the
@@ -136,7 +137,8 @@ def paper_navigation() -> str:
     )
     [against] = [each for each in during if each.verdict == "contradicted"]
     [word] = {each.verdict for each in after}
-    with_huber(), with_target()
+    with_huber()
+    with_target()
     game = against.claim.environment.removeprefix("navigation-n")
     rate = against.claim.better.removeprefix("md-")
     few, many = (number(len(found.arm("dcc", f"navigation-n{n}").done)) for n in (8, 10))

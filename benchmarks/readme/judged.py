@@ -13,6 +13,7 @@ from benchmarks.readme.studies import (
     number,
     ordinal,
     paragraph,
+    share,
     study,
     table,
 )
@@ -69,7 +70,7 @@ def registered() -> str:
         (second, third, again) == (2, 3, {("navigation-n8", "evaluation")}),
         "which claims have had how many looks",
     )
-    share = {each: f"{alphas[each - 1] - alphas[each - 2]:.3f}" for each in (second, third)}
+    both = {each: share(known[0].registration, each) for each in (second, third)}
     alpha = listing([f"{each:g}" for each in alphas])
     return paragraph(
         f"""The verdicts of these studies came from a rule that was too generous: a percentile
@@ -79,10 +80,10 @@ def registered() -> str:
         alpha spent {alpha}, both sides. {number(seen).capitalize()} seeds had been looked at before
         that, so they are the first look, and its alpha is gone.
         {number(looks[second - 1]).capitalize()} seeds are the {ordinal(second)} look, which may
-        spend {share[second]}: seeds {seen + 1} to {looks[second - 1]}, and all
+        spend {both[second]}: seeds {seen + 1} to {looks[second - 1]}, and all
         {number(looks[second - 1])} of navigation N = 10, were trained before the registration or
         beside it, and looked at by nobody until it stood. Navigation N = 8 has had the
-        {ordinal(third)} look since, at {looks[third - 1]} seeds, which may spend {share[third]}: it
+        {ordinal(third)} look since, at {looks[third - 1]} seeds, which may spend {both[third]}: it
         decided nothing more; what the second had decided stays, and its p with it. Each p is of a
         claim alone, then of all claims of its figure (step-down with common flips, Holm);
         differences, of all seeds, with their 95% interval by inverted sign-flips."""

@@ -109,7 +109,8 @@ def numbered() -> str:
 def front() -> str:
     """Navigation on the front page."""
     found = study(NAVIGATION)
-    with_huber(), with_target()
+    with_huber()
+    with_target()
     [worse] = [
         each
         for each in found.verdicts

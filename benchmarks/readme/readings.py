@@ -9,6 +9,7 @@ from benchmarks.readme.studies import (
     evidence,
     expect,
     paragraph,
+    share,
     side_by_side,
     study,
 )
@@ -79,14 +80,13 @@ def target_said() -> str:
         "that everybody learns slower",
     )
     margin = found.registration.margin["return_per_episode"]
-    looks, alphas = found.registration.looks, found.registration.alpha_spent
-    look, p = evidence(half).look, evidence(half).p_family
+    rule, look, p = found.registration, evidence(half).look, evidence(half).p_family
     return paragraph(
         f"""Both rates learn better than FDC again (**supported**). DCC-MD 0.2 learns as simple DCC
         does (**level**: {difference(fifth).text(1)}, surely within the {margin:g} that the question
         registered); DCC-MD 0.5 worse, by {_behind_dcc(found, "md-0.5")}, which is **undecided**: p
         is {p:.2g} in its family, and this look may spend
-        {alphas[look - 1] - alphas[look - 2]:.3f}; the next is at {looks[look]} seeds. So of DCC-MD
+        {share(rule, look)}; the next is at {rule.looks[look]} seeds. So of DCC-MD
         0.5 against DCC with ten agents all three readings have the same direction, not the paper's,
         and two decide it; of DCC-MD 0.2 each says something else. Everybody learns worse than with
         the target network that follows every 1,000 updates (ours; the paper, l. 223, does not

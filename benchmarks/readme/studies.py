@@ -177,6 +177,11 @@ def difference(verdict: Verdict) -> Estimate:
     return Estimate(verdict.difference, verdict.interval)
 
 
+def share(rule: Registration, look: int) -> str:
+    """What a look after the first may spend of alpha: what is spent by it, less that before."""
+    return f"{rule.alpha_spent[look - 1] - rule.alpha_spent[look - 2]:.3f}"
+
+
 def evidence(verdict: Verdict) -> Evidence:
     """What the look was that decided it, or that did not yet."""
     if verdict.evidence is None:

@@ -54,7 +54,7 @@ def makers(records: Sequence[RunRecord]) -> tuple[Maker, ...]:
             device=device,
             kernel=kernel,
             torch=torch,
-            commits=tuple(sorted({short_commit(record) for record in runs})),
+            commits=tuple(sorted({short_commit(record.run.get("commit")) for record in runs})),
             runs=len(runs),
             env_steps=sum(record.env_steps for record in runs),
             hours=total(float(record.run["wall_time_s"]) for record in runs) / 3600.0,
@@ -109,7 +109,7 @@ def runs_of_no_claim(records: Iterable[RunRecord]) -> list[Dropped]:
     ]
 
 
-def short_commit(record: RunRecord) -> str:
-    """Its first seven letters, and the `+` of a tree with changes."""
-    commit = str(record.run.get("commit") or _UNKNOWN)
-    return commit[:7] + "+" * commit.endswith("+")
+def short_commit(commit: object) -> str:
+    """Its first seven letters, and the `+` of a tree with changes; `?` if it is unknown."""
+    text = str(commit or _UNKNOWN)
+    return text[:7] + "+" * text.endswith("+")

@@ -18,8 +18,11 @@ MOST_LOG_ROWS = 100_000
 MOST_EPISODES = 10_000
 """Of one evaluation; a log has room for ten of them."""
 
-MOST_LOOKS, MOST_IN_FAMILY, MOST_SEEDS = 12, 10, 1_000
+MOST_LOOKS, MOST_IN_FAMILY = 12, 10
 """Of a registration; all 2^n sets of the claims of a family are tested."""
+
+MOST_SEEDS = 1_000
+"""Of a plan, so of a look."""
 
 
 def is_factory(environment: str) -> bool:

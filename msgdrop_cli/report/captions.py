@@ -28,7 +28,7 @@ def footer(
     else:
         shown = f"{counts[0]} to {counts[-1]} seeds a variant"
     broken = sum(arm.failed + arm.diverged for arm in summary.arms_of(group))
-    commits = sorted({short_commit(run) for arm in arms for run in arm.done})
+    commits = sorted({short_commit(run.run.get("commit")) for arm in arms for run in arm.done})
     overrides = dict.fromkeys(each for arm in arms for each in arm.overrides)
     facts = [
         group.environment,

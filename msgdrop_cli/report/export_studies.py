@@ -7,6 +7,7 @@ from collections import Counter, defaultdict
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
+from msgdrop_cli.analysis.labels import with_overrides
 from msgdrop_cli.analysis.summary import Arm, Group, Summary
 
 
@@ -53,11 +54,8 @@ def _named(summary: Summary, group: Group) -> dict[str, Arm]:
     What was overridden of all is said: in another size of the game it may be otherwise.
     """
     arms = [arm for arm in summary.arms_of(group) if arm.done]
-    changed = ", ".join(summary.overrides_of(group))
-    labels = [
-        f"{arm.label} ({changed})".replace(",", ";") if changed else arm.label.replace(",", ";")
-        for arm in arms
-    ]
+    shared = summary.overrides_of(group)
+    labels = [with_overrides(arm.label, arm.variant, shared).replace(",", ";") for arm in arms]
     times = Counter(labels)
     return {
         label if times[label] == 1 else f"{arm.variant}: {label}": arm

@@ -3,7 +3,7 @@
 from collections.abc import Iterable, Sequence
 from itertools import groupby
 
-from msgdrop_cli.analysis.provenance import Dropped
+from msgdrop_cli.analysis.provenance import Dropped, short_commit
 from msgdrop_cli.analysis.statistics import total
 from msgdrop_cli.definition.statements import Statement
 from msgdrop_cli.report.page.claims import chip
@@ -121,7 +121,9 @@ def _makers(page: Page) -> Html:
     ]
     hours = total(each.hours for each in page.makers)
     count = sum(each.runs for each in page.makers)
-    made = f"msgdrop {page.version}" + (f" at commit {page.commit[:7]}" if page.commit else "")
+    made = f"msgdrop {page.version}" + (
+        f" at commit {short_commit(page.commit)}" if page.commit else ""
+    )
     parts = [
         el("p", f"{count} runs took {hours:.1f} hours to train, counted run by run: stacked ones, "
            f"as on a GPU, had theirs together. {made} made this page of the records in ",
